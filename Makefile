@@ -1,0 +1,47 @@
+# The commands a newcomer needs. Each but `clean` sets the project up first when that is needed.
+
+SHELL := /bin/bash
+.DEFAULT_GOAL := help
+.PHONY: help setup ready build demo test bench lint clean
+MAKEFLAGS += --no-print-directory
+
+# What a person says may hold quotes and dollars: it goes through the environment, unread by make and the shell.
+unexport TASK SEED INSTRUCTION
+demo: export DEMO_TASK = $(value TASK)
+demo: export DEMO_SEED = $(value SEED)
+demo: export DEMO_INSTRUCTION = $(value INSTRUCTION)
+
+help:
+	@echo "make setup   system libraries, .venv, ROS workspace; can be repeated and resumed"
+	@echo "make demo    the whole graph does a task in the simulator  [TASK= SEED= INSTRUCTION=]"
+	@echo "make test    all tests"
+	@echo "make bench   timings, to the screen and to out/bench.json"
+	@echo "make lint    ruff and mypy"
+	@echo "make build   the ROS workspace only"
+	@echo "make clean   remove what was built and written; .venv stays"
+	@echo "source env.sh gives a shell with this project's python, packages and ros2"
+
+setup:
+	@tools/setup
+
+ready:
+	@tools/setup --when-needed
+
+build:
+	@tools/build
+
+demo: ready
+	@. ./env.sh && exec python -m cliport_benchmark.demo $${DEMO_TASK:+--task "$$DEMO_TASK"} $${DEMO_SEED:+--seed "$$DEMO_SEED"} \
+		$${DEMO_INSTRUCTION:+--instruction "$$DEMO_INSTRUCTION"}
+
+test: ready
+	@. ./env.sh && exec python -m pytest $(PYTEST_ARGS)
+
+bench: ready
+	@. ./env.sh && exec python -m cliport_benchmark.bench
+
+lint: ready
+	@. ./env.sh && ruff check && ruff format --check && mypy
+
+clean:
+	rm -rf build install log out .setup/build .pytest_cache .mypy_cache .ruff_cache

@@ -1,0 +1,40 @@
+# Functions of tools/setup: what the system must bring, in Debian's and Ubuntu's names.
+
+# Prints the packages whose file or command is not there, on one line.
+missing_system_packages() {
+    local libraries missing=() python
+    libraries=$( (ldconfig -p || /sbin/ldconfig -p) 2>/dev/null)
+    need_library() { case $libraries in *"$1 "*) ;; *) missing+=("$2") ;; esac; }
+    need_command() { command -v "$1" >/dev/null || missing+=("$2"); }
+
+    need_library libusb-1.0.so.0 libusb-1.0-0 # these five: Open3D
+    need_library libGL.so.1 libgl1
+    need_library libgomp.so.1 libgomp1
+    need_library libEGL.so.1 libegl1
+    need_library libX11.so.6 libx11-6
+    need_command g++ g++ # these three: packages of messages
+    need_command cmake cmake
+    need_command make make
+    if [ "$ros" = system ]; then need_command colcon python3-colcon-common-extensions; fi
+    if [ ! -x "$venv/bin/python" ]; then
+        python=$(find_python 2>/dev/null) || missing+=(python3)
+        if [ -z "$python" ] || ! complete_python "$python"; then missing+=(python3-venv python3-dev); fi
+    fi
+    echo "${missing[*]-}"
+}
+
+install_system_packages() {
+    local as_root=()
+    if [ "$(id -u)" != 0 ]; then
+        if command -v sudo >/dev/null && sudo -n true 2>/dev/null; then
+            as_root=(sudo -n env DEBIAN_FRONTEND=noninteractive)
+        else
+            fail "system packages are missing; ask an administrator for: apt-get install $*"
+        fi
+    fi
+    command -v apt-get >/dev/null || fail "system packages are missing and there is no apt-get: install what Debian calls $*"
+    mkdir -p "$stamps"
+    retry ${as_root[@]+"${as_root[@]}"} apt-get -q update </dev/null >"$stamps/apt.log" 2>&1 || fail "apt-get update failed: see .setup/apt.log"
+    retry ${as_root[@]+"${as_root[@]}"} apt-get -q -o DPkg::Lock::Timeout=300 install -y --no-install-recommends "$@" </dev/null >>"$stamps/apt.log" 2>&1 ||
+        fail "apt-get install $* failed: see .setup/apt.log"
+}
