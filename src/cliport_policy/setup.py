@@ -1,0 +1,26 @@
+from setuptools import find_packages, setup
+
+package_name = "cliport_policy"
+
+setup(
+    name=package_name,
+    version="0.1.0",
+    packages=find_packages(exclude=["test"]),
+    package_data={package_name: ["py.typed", "weights/*.safetensors", "weights/*.json"]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{package_name}"]),
+        (f"share/{package_name}", ["package.xml"]),
+    ],
+    install_requires=["setuptools"],
+    zip_safe=False,
+    maintainer="CLIPort ROS maintainers",
+    maintainer_email="maintainers@cliport-ros.invalid",
+    description="Language-conditioned pick and place networks, their training and the policy server.",
+    license="Apache-2.0",
+    entry_points={
+        "console_scripts": [
+            "server = cliport_policy.node:main",
+            "train = cliport_policy.train:main",
+        ]
+    },
+)

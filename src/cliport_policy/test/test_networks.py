@@ -1,0 +1,84 @@
+"""Geometry and shapes of the networks: what turns, turns the right way; what is batched, does not mix."""
+
+import math
+
+import pytest
+import torch
+from cliport_policy.config import NetworkConfig
+from cliport_policy.errors import ConfigError
+from cliport_policy.networks.compact import CompactNetwork
+from cliport_policy.networks.rotation import bin_angles, rotated_windows
+from cliport_policy.networks.transport import correlate
+
+SMALL = NetworkConfig(widths=(8, 12), goal_dim=16, crop_pixels=16, query_cells=9)
+
+
+def test_window_turned_by_an_objects_yaw_shows_it_unrotated() -> None:
+    yaw = math.radians(30)
+    rows, cols = torch.meshgrid(torch.arange(61.0) - 30, torch.arange(61.0) - 30, indexing="ij")
+    along = cols * math.cos(yaw) + rows * math.sin(yaw)
+    across = -cols * math.sin(yaw) + rows * math.cos(yaw)
+    bar = ((along.abs() <= 12) & (across.abs() <= 3)).float()[None, None]
+    window = rotated_windows(bar, torch.tensor([[30.0, 30.0]]), torch.tensor([[yaw]]), 31)[0, 0, 0]
+    assert window[15, 5] > 0.9 and window[15, 25] > 0.9  # the bar lies along the columns
+    assert window[5, 15] < 0.1 and window[25, 15] < 0.1
+
+
+def test_window_outside_the_map_is_zero() -> None:
+    windows = rotated_windows(torch.ones(1, 2, 20, 20), torch.tensor([[0.0, 0.0]]), torch.zeros(1, 1), 9)
+    assert windows.shape == (1, 1, 2, 9, 9)
+    assert windows[0, 0, 0, 0, 0] == 0 and windows[0, 0, 0, 8, 8] == 1
+
+
+def test_correlation_agrees_with_a_direct_sum() -> None:
+    generator = torch.Generator().manual_seed(0)
+    key = torch.randn(2, 3, 14, 11, generator=generator)
+    window = torch.randn(2, 4, 3, 5, 5, generator=generator)
+    direct = torch.stack(
+        [torch.nn.functional.conv2d(key[i : i + 1], window[i], padding=2)[0] for i in range(2)]
+    )
+    assert torch.allclose(correlate(key, window), direct, atol=1e-4)
+
+
+def test_shapes_of_every_network() -> None:
+    network = CompactNetwork(SMALL).eval()
+    x = torch.randn(2, 5, 32, 16)
+    goal = network.read_goal(torch.randn(2, 7, 384), torch.ones(2, 7, dtype=torch.bool))
+    pick = torch.tensor([[10.0, 8.0], [3.0, 2.0]])
+    angles = bin_angles(6).expand(2, -1)
+    assert network.locator(x, goal).shape == (2, 16 * 8 + 1)
+    assert network.rotator(x, goal, pick, angles).shape == (2, 6)
+    assert network.transport(x, goal, pick, angles).shape == (2, 6, 16, 8)
+
+
+def test_batch_entries_do_not_mix() -> None:
+    network = CompactNetwork(SMALL).eval()
+    x = torch.randn(3, 5, 32, 16)
+    tokens, mask = torch.randn(3, 7, 384), torch.ones(3, 7, dtype=torch.bool)
+    mask[1, 4:] = False
+    with torch.no_grad():
+        together = network.locator(x, network.read_goal(tokens, mask))
+        alone = network.locator(x[1:2], network.read_goal(tokens[1:2, :4], mask[1:2, :4]))
+    assert torch.allclose(together[1:2], alone, atol=1e-4)
+
+
+def test_padding_tokens_do_not_change_the_goal() -> None:
+    network = CompactNetwork(SMALL).eval()
+    tokens = torch.randn(1, 4, 384)
+    padded = torch.cat((tokens, torch.randn(1, 3, 384)), dim=1)
+    mask = torch.tensor([[True] * 4 + [False] * 3])
+    with torch.no_grad():
+        assert torch.allclose(
+            network.read_goal(tokens, mask[:, :4]), network.read_goal(padded, mask), atol=1e-5
+        )
+
+
+@pytest.mark.parametrize("values", [{"widths": (8,)}, {"query_cells": 8}, {"crop_pixels": 20}, {"n_rotations": 0}])
+def test_impossible_settings_are_refused(values: dict[str, object]) -> None:
+    with pytest.raises(ConfigError):
+        NetworkConfig(**values)  # type: ignore[arg-type]
+
+
+def test_unknown_setting_is_named() -> None:
+    with pytest.raises(ConfigError, match="depth"):
+        NetworkConfig.from_dict({"depth": 3})
