@@ -55,7 +55,7 @@ def _train(args: argparse.Namespace) -> int:
     )
     data = load_demonstrations(args.data, args.demos)
     print(f"{len(data.frames)} observations, {len(data.samples())} demonstrations from {args.data}", flush=True)
-    made_by = {"command": shlex.join(sys.argv), "commit": _commit(), "min_similarity": MIN_SIMILARITY}
+    made_by = {"command": shlex.join(["ros2", "run", "cliport_policy", "train", *sys.argv[1:]]), "commit": _commit(), "min_similarity": MIN_SIMILARITY}
     trainer = Trainer(data, Path(args.out), NetworkConfig(), config, shared_encoder(), made_by)
     if trainer.step:
         print(f"resuming at step {trainer.step}", flush=True)
