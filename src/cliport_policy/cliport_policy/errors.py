@@ -21,5 +21,9 @@ class DataError(PolicyError):
     """A demonstration set that is missing, damaged or does not fit the configuration."""
 
 
+class TrainingError(PolicyError):
+    """A training that has gone wrong and must not be saved over what was good."""
+
+
 class ObservationError(PolicyError):
     """An observation whose workspace is not the one the policy was trained on, or that shows nothing."""

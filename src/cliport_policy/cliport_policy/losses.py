@@ -76,12 +76,15 @@ def _transport_loss(
 
 
 def soft_cells(pixels: Tensor, size: tuple[int, int]) -> Tensor:
-    """A narrow Gaussian around each float (row, col) pixel on the half-resolution grid: (B, h, w), sums to 1."""
+    """A narrow Gaussian around each float (row, col) pixel on the half-resolution grid: (B, h, w), sums to 1.
+
+    It is 0 everywhere for a pixel far outside, as a done frame's meaningless ones may be.
+    """
     cells = (pixels - 0.5) / 2
     rows = torch.arange(size[0])[None, :] - cells[:, 0, None]
     cols = torch.arange(size[1])[None, :] - cells[:, 1, None]
     weight = torch.exp(-(rows[:, :, None].square() + cols[:, None, :].square()) / (2 * CELL_SIGMA**2))
-    return weight / weight.sum((1, 2), keepdim=True)
+    return weight / weight.sum((1, 2), keepdim=True).clamp_min(1e-20)
 
 
 def yaw_target(yaw: Tensor, period: Tensor, n_rotations: int) -> Tensor:

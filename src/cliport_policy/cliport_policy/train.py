@@ -63,7 +63,7 @@ def _train(args: argparse.Namespace) -> int:
     started = time.monotonic()
     trainer.run(_show, max_minutes=args.minutes, should_stop=lambda: bool(stopped))
     print(f"step {trainer.step} of {config.steps} after {(time.monotonic() - started) / 60:.1f} min: {args.out}/policy.safetensors")
-    if args.val:
+    if args.val and trainer.step >= config.steps:
         val = load_demonstrations(args.val)
         samples = val.samples()
         chosen = np.random.default_rng(0).permutation(len(samples))[:300]

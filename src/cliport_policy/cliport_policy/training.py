@@ -20,7 +20,7 @@ from cliport_policy.batches import Batch, Phrasebook, batches, collate, make_sam
 from cliport_policy.checkpoint import Card, save_checkpoint, write_json
 from cliport_policy.config import NetworkConfig, TrainConfig
 from cliport_policy.demonstrations import DemonstrationSet
-from cliport_policy.errors import DataError
+from cliport_policy.errors import DataError, TrainingError
 from cliport_policy.language import ENCODER_NAME, TextEncoder, TokenEmbeddings
 from cliport_policy.losses import compute_losses
 from cliport_policy.networks.compact import CompactNetwork
@@ -128,8 +128,11 @@ class Trainer:
         generator = torch.Generator().manual_seed(self.config.seed * 1_000_003 + self.step)
         with torch.autocast("cpu", torch.bfloat16):
             losses = compute_losses(self.network, batch, tokens, mask, self.config, generator)
+        total = losses.total()
+        if not torch.isfinite(total):
+            raise TrainingError(f"the loss is {float(total.detach())} at step {self.step}: lower --learning-rate")
         self.optimizer.zero_grad(set_to_none=True)
-        losses.total().backward()
+        total.backward()
         nn.utils.clip_grad_norm_(self.network.parameters(), self.config.gradient_clip)
         self.optimizer.step()
         self._update_average()

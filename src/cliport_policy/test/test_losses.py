@@ -28,6 +28,10 @@ def test_cells_are_centred_on_the_pixel() -> None:
     assert float(cols) == pytest.approx((20.5 - 0.5) / 2, abs=1e-3)
 
 
+def test_a_pixel_far_outside_gives_no_target() -> None:
+    assert float(soft_cells(torch.tensor([[-400.0, 900.0]]), (160, 80)).sum()) == 0
+
+
 def test_cross_entropy_is_lowest_at_the_target() -> None:
     target = torch.tensor([[0.7, 0.2, 0.1]])
     at_target = soft_cross_entropy(target.log(), target)

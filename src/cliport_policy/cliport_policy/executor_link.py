@@ -1,0 +1,93 @@
+"""The ROS side of the pick-and-place executor: one goal at a time, stop, resume, heartbeat."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from action_msgs.msg import GoalStatus
+from cliport_interfaces.action import PickPlace
+from rclpy.action import ActionClient
+from rclpy.action.client import ClientGoalHandle
+from rclpy.node import Node
+from std_msgs.msg import Empty
+from std_srvs.srv import Trigger
+
+from cliport_policy import conversions
+from cliport_policy.server_logic import PolicyServer
+from cliport_policy.server_types import ExecutionOutcome, Moment, Proposal
+
+
+class ExecutorLink:
+    """Sends what the policy server asks for, and hands back what the executor answers, with the goal's token."""
+
+    def __init__(self, node: Node, base_frame: str, now: Callable[[], Moment]) -> None:
+        self._node = node
+        self._base_frame = base_frame
+        self._now = now
+        self._server: PolicyServer | None = None
+        self._handles: dict[int, ClientGoalHandle] = {}
+        self._action = ActionClient(node, PickPlace, "/panda_executor/pick_place")
+        self._stop = node.create_client(Trigger, "/panda_executor/stop")
+        self._resume = node.create_client(Trigger, "/panda_executor/resume")
+        node.create_subscription(Empty, "/panda_executor/heartbeat", self._on_heartbeat, 10)
+
+    def attach(self, server: PolicyServer) -> None:
+        """Answers go to this server from now on."""
+        self._server = server
+
+    def is_ready(self) -> bool:
+        """Whether the action server is there."""
+        return bool(self._action.server_is_ready())
+
+    def send(self, token: int, proposal: Proposal, instruction: str) -> None:
+        """Start one goal."""
+        goal = conversions.goal_to_msg(proposal, instruction, self._base_frame)
+        future = self._action.send_goal_async(goal, feedback_callback=lambda m: self._on_feedback(token, m))
+        future.add_done_callback(lambda done: self._on_response(token, done.result()))
+
+    def cancel(self, token: int) -> None:
+        """Ask for the goal's end; nothing happens when it was not accepted yet or is over."""
+        handle = self._handles.get(token)
+        if handle is not None:
+            handle.cancel_goal_async()
+
+    def stop(self) -> None:
+        """The executor's own, latching stop."""
+        self._call(self._stop)
+
+    def resume(self) -> None:
+        """Ends the executor's stop."""
+        self._call(self._resume)
+
+    def _call(self, client: Any) -> None:
+        if client.service_is_ready():
+            client.call_async(Trigger.Request())
+        else:
+            self._node.get_logger().warning(f"service {client.srv_name} is not there: is the executor running?")
+
+    def _on_heartbeat(self, _: Empty) -> None:
+        if self._server:
+            self._server.on_heartbeat(self._now())
+
+    def _on_response(self, token: int, handle: ClientGoalHandle | None) -> None:
+        if self._server is None or handle is None:
+            return
+        if handle.accepted:
+            self._handles[token] = handle
+            handle.get_result_async().add_done_callback(lambda done: self._on_result(token, done.result()))
+        self._server.on_goal_response(token, bool(handle.accepted), self._now())
+
+    def _on_feedback(self, token: int, message: Any) -> None:
+        if self._server:
+            self._server.on_feedback(token, str(message.feedback.phase_name), self._now())
+
+    def _on_result(self, token: int, response: Any) -> None:
+        self._handles.pop(token, None)
+        if self._server is None or response is None:
+            return
+        result: PickPlace.Result = response.result
+        outcome = conversions.outcome_from_msg(result)
+        if outcome == ExecutionOutcome.SUCCEEDED and response.status != GoalStatus.STATUS_SUCCEEDED:
+            outcome = ExecutionOutcome.EXECUTION_FAILED  # an aborted goal's result may be empty
+        self._server.on_result(token, outcome, result.message, self._now())

@@ -1,0 +1,112 @@
+"""The words that the policy server speaks: states, limits, events and effects."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Any, NamedTuple, Protocol
+
+from cliport_policy.action import PickPlaceAction
+
+
+class ServerState(IntEnum):
+    """As in cliport_interfaces/PolicyStatus."""
+
+    IDLE = 0
+    OBSERVING = 1
+    PROPOSING = 2
+    WAITING_FOR_APPROVAL = 3
+    EXECUTING = 4
+    DONE = 5
+    FAILED = 6
+
+
+class ExecutionOutcome(IntEnum):
+    """How a pick and place ended, as in cliport_interfaces/PickPlace."""
+
+    SUCCEEDED = 0
+    PLANNED = 1
+    REJECTED = 2
+    PLANNING_FAILED = 3
+    EXECUTION_FAILED = 4
+    GRASP_MISSED = 5
+    DROPPED = 6
+    CANCELLED = 7
+
+
+BUSY = (
+    ServerState.OBSERVING,
+    ServerState.PROPOSING,
+    ServerState.WAITING_FOR_APPROVAL,
+    ServerState.EXECUTING,
+)
+TRY_AGAIN = (ExecutionOutcome.GRASP_MISSED, ExecutionOutcome.DROPPED)
+
+
+@dataclass(frozen=True)
+class ServerConfig:
+    """Limits of the server; all times [s].
+
+    done_threshold: done probability from which the goal counts as reached; min_confidence: of pick and place;
+    retries: how often in a row a missed or dropped object is tried again; settle: rest after a motion;
+    max_proposal_age: how old an observation may be when its proposal is approved.
+    """
+
+    max_steps: int = 8
+    require_approval: bool = False
+    done_threshold: float = 0.5
+    min_confidence: float = 0.02
+    retries: int = 2
+    max_observation_age: float = 1.0
+    observation_timeout: float = 3.0
+    settle: float = 0.2
+    inference_timeout: float = 30.0
+    max_proposal_age: float = 60.0
+    executor_timeout: float = 5.0
+    heartbeat_timeout: float = 1.0
+    goal_timeout: float = 120.0
+    cancel_timeout: float = 5.0
+
+
+class Moment(NamedTuple):
+    """One instant on two clocks: wall [s], monotonic, for time-outs; ros_ns [ns] for the age of data."""
+
+    wall: float
+    ros_ns: int
+
+
+class Proposal(NamedTuple):
+    """An action and the stamp [ns, ROS time] of the observation that it came from."""
+
+    action: PickPlaceAction
+    stamp_ns: int
+
+
+class ServerStatus(NamedTuple):
+    """What the server tells the world; step counts the actions begun for the instruction."""
+
+    state: ServerState
+    message: str
+    instruction: str
+    step: int
+
+
+class Answer(NamedTuple):
+    """To a service call: whether it was done, and one line."""
+
+    success: bool
+    message: str
+
+
+class ServerEffects(Protocol):
+    """What the state machine can cause. A token names one inference or goal, so late answers are known."""
+
+    def publish_status(self, status: ServerStatus) -> None: ...
+    def publish_proposal(self, proposal: Proposal) -> None: ...
+    def check_instruction(self, instruction: str) -> None: ...
+    def start_inference(self, token: int, observation: Any, instruction: str) -> None: ...
+    def executor_is_ready(self) -> bool: ...
+    def send_goal(self, token: int, proposal: Proposal, instruction: str) -> None: ...
+    def cancel_goal(self, token: int) -> None: ...
+    def stop_executor(self) -> None: ...
+    def resume_executor(self) -> None: ...
