@@ -1,7 +1,7 @@
 """Language-conditioned pick and place: networks, training and offline inference.
 
-    policy = load_policy("default")
-    action = policy.infer(heightmap, "put the red blocks in a green bowl")
+policy = load_policy("default")
+action = policy.infer(heightmap, "put the red blocks in a green bowl")
 """
 
 from cliport_policy.action import AffordanceMaps, PickPlaceAction

@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from cliport_perception.pose import PlanarPose
 from numpy.typing import NDArray
+
+from cliport_perception.pose import PlanarPose
 
 
 @dataclass(frozen=True)

@@ -75,9 +75,7 @@ def make_sample(
     transform = identity_transform()
     if rng.random() < config.augment_probability:
         keep = [] if demo.done else [demo.pick_pixel, demo.place_pixel]
-        transform = draw_transform(
-            frame.valid.shape, keep, config.rotation_sigma_deg, config.translation_sigma_px, rng
-        )
+        transform = draw_transform(frame.valid.shape, keep, config.rotation_sigma_deg, config.translation_sigma_px, rng)
         channels = warp(channels, transform)
     return Sample(
         image=to_tensor(channels),
@@ -104,9 +102,7 @@ def collate(samples: list[Sample]) -> Batch:
     )
 
 
-def batches(
-    data: DemonstrationSet, phrasebook: Phrasebook, config: TrainConfig, first_step: int
-) -> Iterator[Batch]:
+def batches(data: DemonstrationSet, phrasebook: Phrasebook, config: TrainConfig, first_step: int) -> Iterator[Batch]:
     """Endless batches from first_step on; batch i is the same whenever it is drawn, so training can be resumed.
 
     One demonstration in three of an observation's goals is drawn as often as another; samples are drawn with

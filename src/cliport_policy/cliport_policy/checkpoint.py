@@ -8,11 +8,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from cliport_perception.workspace import WorkspaceSpec
 from safetensors import SafetensorError
 from safetensors.torch import load_file, save_file
 from torch import Tensor
 
+from cliport_perception.workspace import WorkspaceSpec
 from cliport_policy.config import NetworkConfig
 from cliport_policy.errors import CheckpointError, ConfigError
 
@@ -101,7 +101,8 @@ def load_checkpoint(path: Path) -> tuple[dict[str, Tensor], Card]:
         values = json.loads(card_path.read_text())
         if values.get("version") != FORMAT_VERSION:
             raise CheckpointError(
-                f"checkpoint {path} has format {values.get('version')!r}, this version reads {FORMAT_VERSION}: train again"
+                f"checkpoint {path} has format {values.get('version')!r}, "
+                f"this version reads {FORMAT_VERSION}: train again"
             )
         card = Card.from_dict(values)
     except CheckpointError:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from geometry_msgs.msg import Pose as PoseMsg
+from geometry_msgs.msg import PoseStamped
+
 from cliport_interfaces.action import PickPlace
 from cliport_interfaces.msg import PolicyStatus
 from cliport_perception.conversions import pose_from_msg, pose_to_msg, stamp_to_msg
 from cliport_perception.pose import PlanarPose
-from geometry_msgs.msg import Pose as PoseMsg
-from geometry_msgs.msg import PoseStamped
-
 from cliport_policy.server_types import ExecutionOutcome, Proposal, ServerStatus
 
 
@@ -56,4 +56,3 @@ def outcome_from_msg(result: PickPlace.Result) -> ExecutionOutcome:
         return ExecutionOutcome(result.outcome)
     except ValueError:
         return ExecutionOutcome.EXECUTION_FAILED
-

@@ -11,9 +11,9 @@ from typing import Any
 import cv2
 import numpy as np
 import pyarrow.parquet as pq
-from cliport_perception.workspace import WorkspaceSpec
 from numpy.typing import NDArray
 
+from cliport_perception.workspace import WorkspaceSpec
 from cliport_policy.errors import DataError
 
 FORMAT_VERSION = 1
@@ -97,7 +97,9 @@ def _read_meta(folder: Path) -> dict[str, Any]:
     except ValueError as error:
         raise DataError(f"{path} is not JSON ({error}): generate the data set again") from error
     if not isinstance(meta, dict) or meta.get("version") != FORMAT_VERSION:
-        raise DataError(f"{path} has version {meta.get('version')!r}, this reader knows {FORMAT_VERSION}: generate again")
+        raise DataError(
+            f"{path} has version {meta.get('version')!r}, this reader knows {FORMAT_VERSION}: generate again"
+        )
     return meta
 
 

@@ -6,20 +6,20 @@ from collections.abc import Callable
 from typing import Any
 
 from action_msgs.msg import GoalStatus
-from cliport_interfaces.action import PickPlace
 from rclpy.action import ActionClient
 from rclpy.action.client import ClientGoalHandle
 from rclpy.node import Node
 from std_msgs.msg import Empty
 from std_srvs.srv import Trigger
 
+from cliport_interfaces.action import PickPlace
 from cliport_policy import conversions
 from cliport_policy.server_logic import PolicyServer
 from cliport_policy.server_types import ExecutionOutcome, Moment, Proposal
 
 
 class ExecutorLink:
-    """Sends what the policy server asks for, and hands back what the executor answers, with the goal's token."""
+    """Sends what the policy server asks for; the executor's answers go back with the goal's token."""
 
     def __init__(self, node: Node, base_frame: str, now: Callable[[], Moment]) -> None:
         self._node = node

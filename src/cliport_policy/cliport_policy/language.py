@@ -77,7 +77,5 @@ def shared_encoder() -> TextEncoder:
 def _encoder_folder() -> Path:
     spec = importlib.util.find_spec(ENCODER_PACKAGE)
     if spec is None or spec.origin is None:
-        raise PolicyError(
-            f"the sentence encoder's package {ENCODER_PACKAGE} is not installed: run `make setup` again"
-        )
+        raise PolicyError(f"the sentence encoder's package {ENCODER_PACKAGE} is not installed: run `make setup` again")
     return Path(spec.origin).parent / "model"

@@ -29,7 +29,12 @@ class Losses(NamedTuple):
 
 
 def compute_losses(
-    network: CompactNetwork, batch: Batch, tokens: Tensor, mask: Tensor, config: TrainConfig, generator: torch.Generator
+    network: CompactNetwork,
+    batch: Batch,
+    tokens: Tensor,
+    mask: Tensor,
+    config: TrainConfig,
+    generator: torch.Generator,
 ) -> Losses:
     """Losses of a batch; tokens: (B, T, D) and mask: (B, T) are its phrases' embeddings."""
     goal = network.read_goal(tokens, mask)
@@ -47,7 +52,12 @@ def compute_losses(
 
 
 def _rotator_loss(
-    network: CompactNetwork, batch: Batch, images: Tensor, goal: Tensor, config: TrainConfig, generator: torch.Generator
+    network: CompactNetwork,
+    batch: Batch,
+    images: Tensor,
+    goal: Tensor,
+    config: TrainConfig,
+    generator: torch.Generator,
 ) -> Tensor:
     act = ~batch.done
     bins = yaw_target(batch.pick_yaw[act], batch.pick_yaw_period[act], network.config.n_rotations)  # (A, k)
@@ -61,8 +71,13 @@ def _rotator_loss(
 
 
 def _transport_loss(
-    network: CompactNetwork, batch: Batch, images: Tensor, goal: Tensor, size: tuple[int, int],
-    config: TrainConfig, generator: torch.Generator,
+    network: CompactNetwork,
+    batch: Batch,
+    images: Tensor,
+    goal: Tensor,
+    size: tuple[int, int],
+    config: TrainConfig,
+    generator: torch.Generator,
 ) -> Tensor:
     act = ~batch.done
     k = network.config.n_rotations

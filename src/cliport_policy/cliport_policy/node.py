@@ -4,16 +4,12 @@ from __future__ import annotations
 
 import sys
 import time
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable
 from dataclasses import fields
 from functools import partial
+from queue import SimpleQueue
 
 import rclpy
-from cliport_interfaces.msg import Heightmap as HeightmapMsg
-from cliport_interfaces.msg import PolicyStatus
-from cliport_perception.conversions import heightmap_from_msg, image_to_msg, stamp_from_msg, stamp_to_msg
-from cliport_perception.errors import PerceptionError
-from geometry_msgs.msg import PoseStamped
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.exceptions import ParameterException
@@ -21,18 +17,129 @@ from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.utilities import try_shutdown
-from sensor_msgs.msg import Image
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
+from cliport_interfaces.msg import Heightmap as HeightmapMsg
+from cliport_interfaces.msg import PolicyStatus
+from cliport_perception.conversions import heightmap_from_msg, stamp_from_msg
+from cliport_perception.errors import PerceptionError
 from cliport_policy import conversions
 from cliport_policy.errors import PolicyError
 from cliport_policy.executor_link import ExecutorLink
-from cliport_policy.overlays import render_overlay
-from cliport_policy.policy import Policy, load_policy
+from cliport_policy.inference_worker import InferenceAnswer, InferenceWorker
+from cliport_policy.policy import load_policy
 from cliport_policy.server_logic import PolicyServer
 from cliport_policy.server_types import Answer, Moment, Proposal, ServerConfig, ServerState, ServerStatus
+from cliport_policy.views import ProposalViews
 
 TICK_S = 0.05
-POSES = ("/cliport/pick_pose", "/cliport/place_pose")
-MAPS = ("pick", "place")
+
+
+class PolicyServerNode(Node):
+    """Feeds a `PolicyServer` with what ROS brings, and does what it asks for (as its `ServerEffects`).
+
+    Raises:
+        PolicyError: when the checkpoint or a parameter is unusable.
+    """
+
+    def __init__(self) -> None:
+        super().__init__("cliport_policy")
+        checkpoint = str(self.declare_parameter("checkpoint", "default").value)
+        base_frame = str(self.declare_parameter("base_frame", "panda_link0").value)
+        settings = {f.name: self.declare_parameter(f.name, f.default).value for f in fields(ServerConfig)}
+        self._config = ServerConfig(**settings)
+        self._policy = load_policy(checkpoint)
+        self._worker = InferenceWorker(self._policy, self._hand_over)
+        self._worker.warm_up()
+        self._answers: SimpleQueue[InferenceAnswer] = SimpleQueue()
+        self._answered = self.create_guard_condition(self._on_answer)
+        self._last_answer: InferenceAnswer | None = None
+
+        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        self._status = self.create_publisher(PolicyStatus, "/cliport/status", latched)
+        self._views = ProposalViews(self, base_frame)
+        self._executor_link = ExecutorLink(self, base_frame, self._now)
+        self._server = PolicyServer(self._config, self, self._policy.check_instruction, self._executor_link)
+        self._executor_link.attach(self._server)
+        self.create_subscription(String, "/cliport/instruction", self._on_instruction, 10)
+        self.create_subscription(HeightmapMsg, "/cliport/heightmap", self._on_heightmap, 2)
+        services: dict[str, Callable[[], Answer]] = {
+            "/cliport/approve": lambda: self._server.approve(self._now()),
+            "/cliport/stop": lambda: self._server.stop(self._now()),
+            "/cliport/resume": self._server.resume,
+        }
+        for name, act in services.items():
+            self.create_service(Trigger, name, partial(_answer, act))
+        # wall time: nothing may hang when simulated time stands still
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(TICK_S, lambda: self._server.tick(self._now()), clock=steady)
+        self._server.announce()
+
+    def close(self) -> None:
+        """Stop thinking."""
+        self._worker.close()
+
+    def _now(self) -> Moment:
+        return Moment(time.monotonic(), self.get_clock().now().nanoseconds)
+
+    def _on_instruction(self, message: String) -> None:
+        self._server.on_instruction(message.data, self._now())
+
+    def _on_heightmap(self, message: HeightmapMsg) -> None:
+        self._server.on_observation(stamp_from_msg(message.header.stamp), message, self._now())
+
+    def _hand_over(self, answer: InferenceAnswer) -> None:
+        """From the worker's thread to this node's."""
+        self._answers.put(answer)
+        self._answered.trigger()
+
+    def _on_answer(self) -> None:
+        while not self._answers.empty():
+            answer = self._last_answer = self._answers.get()
+            if answer.action is None:
+                self._server.on_inference_failed(answer.token, answer.error)
+            else:
+                self._server.on_proposal(answer.token, answer.action, self._now())
+
+    def publish_status(self, status: ServerStatus) -> None:
+        stamp_ns = self.get_clock().now().nanoseconds
+        self._status.publish(conversions.status_to_msg(status, self._config.max_steps, stamp_ns))
+        line = f"{status.state.name}: {status.message}"
+        if status.state == ServerState.FAILED:
+            self.get_logger().error(line)
+        else:
+            self.get_logger().info(line)
+
+    def publish_proposal(self, proposal: Proposal) -> None:
+        self._views.publish_poses(proposal)
+        if self._last_answer and self._last_answer.heightmap:
+            heightmap = self._last_answer.heightmap
+            self._worker.run(partial(self._views.publish_maps, heightmap, proposal))
+
+    def start_inference(self, token: int, observation: HeightmapMsg, instruction: str) -> None:
+        self._worker.start(token, partial(heightmap_from_msg, observation), instruction)
+
+
+def _answer(act: Callable[[], Answer], _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+    response.success, response.message = act()
+    return response
+
+
+def main(args: list[str] | None = None) -> int:
+    """Entry point; returns the exit status."""
+    node = None
+    try:
+        rclpy.init(args=args)
+        node = PolicyServerNode()
+        rclpy.spin(node)
+    except (PolicyError, PerceptionError, ParameterException) as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 1
+    except (KeyboardInterrupt, ExternalShutdownException):
+        pass
+    finally:
+        if node:
+            node.close()
+        try_shutdown()
+    return 0

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import torch
-from cliport_perception.heightmap import Heightmap
 from numpy.typing import NDArray
 from torch import Tensor
+
+from cliport_perception.heightmap import Heightmap
 
 CHANNELS = 5
 _COLOR_MEAN = 127.5

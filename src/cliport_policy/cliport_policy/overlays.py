@@ -10,11 +10,11 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
+
 from cliport_perception.heightmap import Heightmap
 from cliport_perception.pose import PlanarPose
 from cliport_perception.workspace import WorkspaceSpec
-from numpy.typing import NDArray
-
 from cliport_policy.action import PickPlaceAction
 
 SCALE = 3  # picture pixels per heightmap pixel

@@ -17,23 +17,60 @@ T = TypeVar("T")
 _CANONICAL = re.compile(r"^put the (?P<block>[a-z]+) blocks? in (?:a|the) (?P<bowl>[a-z]+) bowls?$")
 
 _VERBS = (
-    "put place move drop set lay transfer bring carry deposit stick stash relocate".split()
-    + ["pick up and put", "grab and place", "take", "pick and place", "get", "sort"]
+    *("put", "place", "move", "drop", "set", "lay", "transfer", "bring", "carry", "deposit", "stick", "stash"),
+    *("relocate", "pick up and put", "grab and place", "take", "pick and place", "get", "sort"),
 )
 _BLOCKS = (
-    ("block", "blocks"), ("cube", "cubes"), ("block", "blocks"), ("brick", "bricks"), ("box", "boxes"),
-    ("toy block", "toy blocks"), ("piece", "pieces"), ("object", "objects"), ("thing", "things"),
+    ("block", "blocks"),
+    ("cube", "cubes"),
+    ("block", "blocks"),
+    ("brick", "bricks"),
+    ("box", "boxes"),
+    ("toy block", "toy blocks"),
+    ("piece", "pieces"),
+    ("object", "objects"),
+    ("thing", "things"),
 )
 _BOWLS = (
-    ("bowl", "bowls"), ("bowl", "bowls"), ("bowl", "bowls"), ("dish", "dishes"), ("basin", "basins"),
-    ("container", "containers"), ("cup", "cups"), ("plate", "plates"),
+    ("bowl", "bowls"),
+    ("bowl", "bowls"),
+    ("bowl", "bowls"),
+    ("dish", "dishes"),
+    ("basin", "basins"),
+    ("container", "containers"),
+    ("cup", "cups"),
+    ("plate", "plates"),
 )
 _INTO = ("in", "in", "into", "inside", "inside of", "within", "to", "onto")
 _OPENINGS = (
-    "please ", "now ", "robot, ", "hey, ", "ok, ", "can you ", "could you ", "would you ", "could you please ",
-    "i want you to ", "i would like you to ", "your task is to ", "you should ", "next, ", "go and ", "kindly ",
+    "please ",
+    "now ",
+    "robot, ",
+    "hey, ",
+    "ok, ",
+    "can you ",
+    "could you ",
+    "would you ",
+    "could you please ",
+    "i want you to ",
+    "i would like you to ",
+    "your task is to ",
+    "you should ",
+    "next, ",
+    "go and ",
+    "kindly ",
 )
-_ENDINGS = (" please", ", please", " now", " for me", ", thanks", " thank you", " right away", " if you can", "!")
+_ENDINGS = (
+    " please",
+    ", please",
+    " now",
+    " for me",
+    ", thanks",
+    " thank you",
+    " right away",
+    " if you can",
+    "!",
+)
 
 # {p} block phrase, {w} bowl phrase, {v} verb, {i} preposition, {h} "goes" or "go", {b} "belongs" or "belong"
 _IMPERATIVE = (
@@ -91,8 +128,13 @@ def paraphrase(instruction: str, rng: np.random.Generator) -> str:
     imperative = rng.random() < 0.6
     frame = _pick(_IMPERATIVE if imperative else _STATEMENTS, rng)
     sentence = frame.format(
-        p=block, w=bowl, v=_pick(_VERBS, rng), i=_pick(_INTO, rng),
-        h="go" if plural else "goes", b="belong" if plural else "belongs", e="are" if plural else "is",
+        p=block,
+        w=bowl,
+        v=_pick(_VERBS, rng),
+        i=_pick(_INTO, rng),
+        h="go" if plural else "goes",
+        b="belong" if plural else "belongs",
+        e="are" if plural else "is",
     )
     if imperative and rng.random() < 0.35:
         sentence = _pick(_OPENINGS, rng) + sentence

@@ -8,13 +8,13 @@ from typing import NamedTuple
 
 import numpy as np
 import torch
-from cliport_perception.heightmap import Heightmap
-from cliport_perception.pose import PlanarPose
-from cliport_perception.workspace import WorkspaceSpec
 from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn import functional as F
 
+from cliport_perception.heightmap import Heightmap
+from cliport_perception.pose import PlanarPose
+from cliport_perception.workspace import WorkspaceSpec
 from cliport_policy.action import AffordanceMaps, PickPlaceAction
 from cliport_policy.checkpoint import Card, load_checkpoint, resolve_checkpoint
 from cliport_policy.errors import CheckpointError, InstructionError, ObservationError
@@ -167,7 +167,9 @@ def load_policy(path_or_name: str | Path = "default") -> Policy:
         network.load_state_dict(tensors)
     except RuntimeError as error:
         reason = " ".join(str(error).split())[:200]
-        raise CheckpointError(f"checkpoint {path} does not fit its card ({reason}): restore it or train again") from error
+        raise CheckpointError(
+            f"checkpoint {path} does not fit its card ({reason}): restore it or train again"
+        ) from error
     if anchors is None:
         raise CheckpointError(f"checkpoint {path} lacks {ANCHORS}: train again")
     return Policy(network, anchors, card, shared_encoder())

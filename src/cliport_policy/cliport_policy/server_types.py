@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from enum import IntEnum
 from typing import Any, NamedTuple, Protocol
 
 from cliport_policy.action import PickPlaceAction
+from cliport_policy.errors import ConfigError
 
 
 class ServerState(IntEnum):
@@ -67,6 +68,16 @@ class ServerConfig:
     goal_timeout: float = 120.0
     cancel_timeout: float = 5.0
 
+    def __post_init__(self) -> None:
+        if self.max_steps < 1 or self.retries < 0:
+            raise ConfigError(f"max_steps must be >= 1 and retries >= 0, got {self.max_steps}, {self.retries}")
+        for name in ("done_threshold", "min_confidence"):
+            if not 0.0 <= getattr(self, name) <= 1.0:
+                raise ConfigError(f"{name} must be in 0..1, got {getattr(self, name)}")
+        for name in (f.name for f in fields(self) if f.name.endswith(("_timeout", "_age"))):
+            if not getattr(self, name) > 0.0:
+                raise ConfigError(f"{name} must be positive, got {getattr(self, name)}")
+
 
 class Moment(NamedTuple):
     """One instant on two clocks: wall [s], monotonic, for time-outs; ros_ns [ns] for the age of data."""
@@ -99,14 +110,18 @@ class Answer(NamedTuple):
 
 
 class ServerEffects(Protocol):
-    """What the state machine can cause. A token names one inference or goal, so late answers are known."""
+    """What the world sees of the server, and its thinking; the token of an inference comes back with it."""
 
     def publish_status(self, status: ServerStatus) -> None: ...
     def publish_proposal(self, proposal: Proposal) -> None: ...
-    def check_instruction(self, instruction: str) -> None: ...
     def start_inference(self, token: int, observation: Any, instruction: str) -> None: ...
-    def executor_is_ready(self) -> bool: ...
-    def send_goal(self, token: int, proposal: Proposal, instruction: str) -> None: ...
-    def cancel_goal(self, token: int) -> None: ...
-    def stop_executor(self) -> None: ...
-    def resume_executor(self) -> None: ...
+
+
+class ExecutorPort(Protocol):
+    """The executor, asked without waiting: its answers come as events that carry the goal's token."""
+
+    def is_ready(self) -> bool: ...
+    def send(self, token: int, proposal: Proposal, instruction: str) -> None: ...
+    def cancel(self, token: int) -> None: ...
+    def stop(self) -> None: ...
+    def resume(self) -> None: ...

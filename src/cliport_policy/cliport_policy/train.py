@@ -50,19 +50,27 @@ def _parser() -> argparse.ArgumentParser:
 
 def _train(args: argparse.Namespace) -> int:
     config = TrainConfig(
-        steps=args.steps, batch_size=args.batch, learning_rate=args.learning_rate,
-        phrases_per_goal=args.phrases, seed=args.seed,
+        steps=args.steps,
+        batch_size=args.batch,
+        learning_rate=args.learning_rate,
+        phrases_per_goal=args.phrases,
+        seed=args.seed,
     )
     data = load_demonstrations(args.data, args.demos)
     print(f"{len(data.frames)} observations, {len(data.samples())} demonstrations from {args.data}", flush=True)
-    made_by = {"command": shlex.join(["ros2", "run", "cliport_policy", "train", *sys.argv[1:]]), "commit": _commit(), "min_similarity": MIN_SIMILARITY}
+    made_by = {
+        "command": shlex.join(["ros2", "run", "cliport_policy", "train", *sys.argv[1:]]),
+        "commit": _commit(),
+        "min_similarity": MIN_SIMILARITY,
+    }
     trainer = Trainer(data, Path(args.out), NetworkConfig(), config, shared_encoder(), made_by)
     if trainer.step:
         print(f"resuming at step {trainer.step}", flush=True)
     stopped = _stop_on_signals()
     started = time.monotonic()
     trainer.run(_show, max_minutes=args.minutes, should_stop=lambda: bool(stopped))
-    print(f"step {trainer.step} of {config.steps} after {(time.monotonic() - started) / 60:.1f} min: {args.out}/policy.safetensors")
+    minutes = (time.monotonic() - started) / 60
+    print(f"step {trainer.step} of {config.steps} after {minutes:.1f} min: {args.out}/policy.safetensors")
     if args.val and trainer.step >= config.steps:
         val = load_demonstrations(args.val)
         samples = val.samples()
@@ -75,7 +83,8 @@ def _show(values: dict[str, float]) -> None:
     print(
         f"step {values['step']:.0f}  locator {values['locator']:.3f}  rotator {values['rotator']:.3f}  "
         f"transport {values['transport']:.3f}  {values['samples_per_s']:.0f} samples/s  "
-        f"{values['eta_min']:.0f} min left", flush=True,
+        f"{values['eta_min']:.0f} min left",
+        flush=True,
     )
 
 

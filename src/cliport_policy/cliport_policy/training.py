@@ -73,8 +73,13 @@ class Trainer:
     """Trains one network on one demonstration set into one folder; made again on that folder, it resumes."""
 
     def __init__(
-        self, data: DemonstrationSet, folder: Path, network_config: NetworkConfig, config: TrainConfig,
-        encoder: TextEncoder, made_by: dict[str, Any],
+        self,
+        data: DemonstrationSet,
+        folder: Path,
+        network_config: NetworkConfig,
+        config: TrainConfig,
+        encoder: TextEncoder,
+        made_by: dict[str, Any],
     ) -> None:
         self.data, self.folder, self.config, self.made_by = data, folder, config, made_by
         torch.manual_seed(config.seed)
@@ -96,8 +101,11 @@ class Trainer:
         return self.folder / "training_state.safetensors"
 
     def run(
-        self, on_progress: Callable[[dict[str, float]], None], save_minutes: float = 3.0,
-        max_minutes: float = math.inf, should_stop: Callable[[], bool] = lambda: False,
+        self,
+        on_progress: Callable[[dict[str, float]], None],
+        save_minutes: float = 3.0,
+        max_minutes: float = math.inf,
+        should_stop: Callable[[], bool] = lambda: False,
     ) -> None:
         """Train until the last step, max_minutes or should_stop; saves every save_minutes and at the end."""
         start = last_save = time.monotonic()
@@ -113,8 +121,14 @@ class Trainer:
             self.step += 1
             if self.step % 50 == 0:
                 rate = (self.step - first) / (time.monotonic() - start)
-                on_progress({"step": self.step, "samples_per_s": rate * self.config.batch_size,
-                             "eta_min": (self.config.steps - self.step) / rate / 60, **sums})
+                on_progress(
+                    {
+                        "step": self.step,
+                        "samples_per_s": rate * self.config.batch_size,
+                        "eta_min": (self.config.steps - self.step) / rate / 60,
+                        **sums,
+                    }
+                )
             if now - last_save > 60 * save_minutes:
                 self.save()
                 last_save = time.monotonic()
@@ -158,13 +172,22 @@ class Trainer:
         self.folder.mkdir(parents=True, exist_ok=True)
         anchors = self._anchors()
         card = Card(
-            network=self.network.config, workspace=self.data.workspace, encoder=ENCODER_NAME,
+            network=self.network.config,
+            workspace=self.data.workspace,
+            encoder=ENCODER_NAME,
             min_similarity=self.made_by.get("min_similarity", 0.45),
-            made_by={**self.made_by, "train": self.config.to_dict(), "steps_done": self.step,
-                     "frames": len(self.data.frames), "data": self.data.meta},
+            made_by={
+                **self.made_by,
+                "train": self.config.to_dict(),
+                "steps_done": self.step,
+                "frames": len(self.data.frames),
+                "data": self.data.meta,
+            },
         )
         save_checkpoint(
-            self.folder / "policy.safetensors", {**self.average.state_dict(), "instruction_anchors": anchors}, card
+            self.folder / "policy.safetensors",
+            {**self.average.state_dict(), "instruction_anchors": anchors},
+            card,
         )
         state = {f"network.{k}": v for k, v in self.network.state_dict().items()}
         state |= {f"average.{k}": v for k, v in self.average.state_dict().items()}

@@ -8,6 +8,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+
 from cliport_perception.workspace import WorkspaceSpec
 
 COLORS = {"red": (255, 87, 89), "blue": (78, 121, 167)}
@@ -33,14 +34,29 @@ def write_flat_set(folder: Path, observations: int, seed: int = 0) -> Path:
             height[row - half : row + half, col - half : col + half] = 0.04
         units = np.round((height - workspace.z_min) / 1e-4).astype(np.uint16)
         demo = {
-            "instruction": "put the red blocks in a blue bowl", "block": "red", "bowl": "blue", "done": i % 3 == 2,
-            "pick_row": pick[0], "pick_col": pick[1], "pick_yaw": 0.0, "pick_yaw_period": float(np.pi / 2),
-            "place_row": place[0], "place_col": place[1], "place_yaw": 0.0,
+            "instruction": "put the red blocks in a blue bowl",
+            "block": "red",
+            "bowl": "blue",
+            "done": i % 3 == 2,
+            "pick_row": pick[0],
+            "pick_col": pick[1],
+            "pick_yaw": 0.0,
+            "pick_yaw_period": float(np.pi / 2),
+            "place_row": place[0],
+            "place_col": place[1],
+            "place_yaw": 0.0,
         }
-        rows.append({
-            "episode": i, "seed": i, "step": 0, "color_png": _png(color[..., ::-1]), "height_png": _png(units),
-            "valid_png": _png(np.full(workspace.shape, 255, np.uint8)), "demos": [demo],
-        })
+        rows.append(
+            {
+                "episode": i,
+                "seed": i,
+                "step": 0,
+                "color_png": _png(color[..., ::-1]),
+                "height_png": _png(units),
+                "valid_png": _png(np.full(workspace.shape, 255, np.uint8)),
+                "demos": [demo],
+            }
+        )
     pq.write_table(pa.Table.from_pylist(rows), folder / "part-00000.parquet")
     (folder / "meta.json").write_text(json.dumps({"version": 1, "workspace": workspace.to_dict()}))
     return folder

@@ -3,6 +3,7 @@
 import math
 
 import numpy as np
+
 from cliport_policy.augmentation import draw_transform, identity_transform, jitter_color, warp
 
 
@@ -27,7 +28,9 @@ def test_yaw_turns_with_the_picture() -> None:
     a, b = (160.0, 80.0), (160.0, 90.0)  # ten columns along: yaw 0
     (row_a, col_a), (row_b, col_b) = transform.pixel(a), transform.pixel(b)
     assert math.isclose(
-        math.remainder(math.atan2(row_b - row_a, col_b - col_a) - transform.angle, 2 * math.pi), 0, abs_tol=1e-9
+        math.remainder(math.atan2(row_b - row_a, col_b - col_a) - transform.angle, 2 * math.pi),
+        0,
+        abs_tol=1e-9,
     )
 
 

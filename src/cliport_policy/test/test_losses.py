@@ -4,6 +4,7 @@ import math
 
 import pytest
 import torch
+
 from cliport_policy.losses import soft_cells, soft_cross_entropy, yaw_target
 
 

@@ -4,6 +4,7 @@ import math
 
 import pytest
 import torch
+
 from cliport_policy.config import NetworkConfig
 from cliport_policy.errors import ConfigError
 from cliport_policy.networks.compact import CompactNetwork
@@ -34,9 +35,7 @@ def test_correlation_agrees_with_a_direct_sum() -> None:
     generator = torch.Generator().manual_seed(0)
     key = torch.randn(2, 3, 14, 11, generator=generator)
     window = torch.randn(2, 4, 3, 5, 5, generator=generator)
-    direct = torch.stack(
-        [torch.nn.functional.conv2d(key[i : i + 1], window[i], padding=2)[0] for i in range(2)]
-    )
+    direct = torch.stack([torch.nn.functional.conv2d(key[i : i + 1], window[i], padding=2)[0] for i in range(2)])
     assert torch.allclose(correlate(key, window), direct, atol=1e-4)
 
 
@@ -68,9 +67,7 @@ def test_padding_tokens_do_not_change_the_goal() -> None:
     padded = torch.cat((tokens, torch.randn(1, 3, 384)), dim=1)
     mask = torch.tensor([[True] * 4 + [False] * 3])
     with torch.no_grad():
-        assert torch.allclose(
-            network.read_goal(tokens, mask[:, :4]), network.read_goal(padded, mask), atol=1e-5
-        )
+        assert torch.allclose(network.read_goal(tokens, mask[:, :4]), network.read_goal(padded, mask), atol=1e-5)
 
 
 @pytest.mark.parametrize("values", [{"widths": (8,)}, {"query_cells": 8}, {"crop_pixels": 20}, {"n_rotations": 0}])

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from cliport_perception.heightmap import Heightmap
 from cliport_perception.workspace import WorkspaceSpec
 from cliport_policy import load_policy
@@ -104,8 +105,12 @@ def test_other_settings_do_not_resume(flat_set: Path, tmp_path: Path) -> None:
     _trainer(flat_set, tmp_path / "run").save()
     with pytest.raises(DataError, match="can't be resumed"):
         Trainer(
-            load_demonstrations(flat_set), tmp_path / "run", NetworkConfig(widths=(8, 16)), CONFIG,
-            shared_encoder(), {},
+            load_demonstrations(flat_set),
+            tmp_path / "run",
+            NetworkConfig(widths=(8, 16)),
+            CONFIG,
+            shared_encoder(),
+            {},
         )
 
 
@@ -118,5 +123,5 @@ def test_a_missing_data_set_is_one_line(tmp_path: Path, capsys: pytest.CaptureFi
 def test_a_damaged_part_is_named(flat_set: Path) -> None:
     part = flat_set / "part-00000.parquet"
     part.write_bytes(part.read_bytes()[:200])
-    with pytest.raises(DataError, match="part-00000.parquet"):
+    with pytest.raises(DataError, match=r"part-00000\.parquet"):
         load_demonstrations(flat_set)

@@ -22,9 +22,7 @@ class CompactNetwork(nn.Module):
         self.goal_reader = GoalReader(config.token_dim, config.goal_dim)
         self.locator = Locator(CHANNELS, config.widths, goal_dim)
         self.rotator = Rotator(CHANNELS, goal_dim, config.crop_pixels)
-        self.transport = Transport(
-            CHANNELS, config.widths, goal_dim, config.transport_channels, config.query_cells
-        )
+        self.transport = Transport(CHANNELS, config.widths, goal_dim, config.transport_channels, config.query_cells)
 
     def read_goal(self, tokens: Tensor, mask: Tensor) -> Tensor:
         """(B, T, token_dim), (B, T) -> (B, 2 * goal_dim)."""

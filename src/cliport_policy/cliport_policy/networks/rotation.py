@@ -39,7 +39,10 @@ def rotated_windows(maps: Tensor, centers: Tensor, angles: Tensor, side: int) ->
     row = centers[:, 0, None, None, None] + offsets[..., 1]
     grid = torch.stack(((2 * col + 1) / width - 1, (2 * row + 1) / height - 1), dim=-1)
     windows = F.grid_sample(
-        maps, grid.reshape(batch, n * side, side, 2).to(maps.dtype),
-        mode="bilinear", padding_mode="zeros", align_corners=False,
+        maps,
+        grid.reshape(batch, n * side, side, 2).to(maps.dtype),
+        mode="bilinear",
+        padding_mode="zeros",
+        align_corners=False,
     )  # (B, C, R * side, side)
     return windows.reshape(batch, channels, n, side, side).transpose(1, 2)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
@@ -52,8 +54,8 @@ class FilmUNet(nn.Module):
         self.stem = nn.Conv2d(4 * channels_in, widths[0], 3, padding=1, bias=False)
         self.stem_norm = nn.BatchNorm2d(widths[0])
         self.encoder = nn.ModuleList(FilmResidualBlock(width, goal_dim) for width in widths)
-        self.down = nn.ModuleList(Downsample(a, b) for a, b in zip(widths, widths[1:], strict=False))
-        self.lateral = nn.ModuleList(nn.Conv2d(b, a, 1) for a, b in zip(widths, widths[1:], strict=False))
+        self.down = nn.ModuleList(Downsample(a, b) for a, b in pairwise(widths))
+        self.lateral = nn.ModuleList(nn.Conv2d(b, a, 1) for a, b in pairwise(widths))
         self.decoder = nn.ModuleList(FilmResidualBlock(width, goal_dim) for width in widths[:-1])
 
     def forward(self, x: Tensor, goal: Tensor) -> Tensor:

@@ -1,0 +1,123 @@
+"""Whether the camera's data is fit to act on, and what to say when it is not."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass, field
+from enum import IntEnum
+
+
+class Level(IntEnum):
+    """Levels of diagnostic_msgs/DiagnosticStatus."""
+
+    OK = 0
+    WARN = 1
+    ERROR = 2
+    STALE = 3
+
+
+@dataclass(frozen=True)
+class HealthLimits:
+    """max_age_s: how old a frame may be [s]; min_valid_fraction: share of the workspace that must be seen."""
+
+    max_age_s: float = 1.0
+    min_valid_fraction: float = 0.05
+    max_drop_fraction: float = 0.5
+
+
+@dataclass(frozen=True)
+class HealthReport:
+    """One diagnosis: level, one line, and the figures behind it."""
+
+    level: Level
+    message: str
+    values: dict[str, str] = field(default_factory=dict)
+
+
+class CameraHealth:
+    """Collects what happens to frames and sums it up; all times [ns] are handed in."""
+
+    def __init__(self, topics: dict[str, str], limits: HealthLimits) -> None:
+        """topics: stream name -> topic name, for messages."""
+        self._topics = topics
+        self._limits = limits
+        self._seen: set[str] = set()
+        self._last_stamp_ns: int | None = None
+        self._arrivals: deque[int] = deque(maxlen=20)
+        self._fault: str | None = None
+        self._valid_fraction: float | None = None
+        self.served = 0
+
+    def on_message(self, stream: str) -> None:
+        """A message of a stream came, whatever it holds."""
+        self._seen.add(stream)
+
+    def check_age(self, stamp_ns: int, now_ns: int) -> str | None:
+        """Note a matched frame; returns why it must not be served, or None when its age is right."""
+        if self._arrivals and now_ns < self._arrivals[-1]:
+            self._arrivals.clear()
+        self._arrivals.append(now_ns)
+        self._last_stamp_ns = stamp_ns
+        return self._age_fault(now_ns)
+
+    def check_valid_fraction(self, fraction: float) -> str | None:
+        """Note how much of the workspace a frame shows; returns why it must not be served, or None."""
+        self._valid_fraction = fraction
+        if fraction >= self._limits.min_valid_fraction:
+            return None
+        return (
+            f"depth is valid in {100 * fraction:.1f} % of the workspace (at least "
+            f"{100 * self._limits.min_valid_fraction:.0f} % needed): is the camera's view blocked, or the "
+            "calibration wrong?"
+        )
+
+    def on_fault(self, message: str) -> None:
+        """A frame could not be served."""
+        self._fault = message
+
+    def on_served(self) -> None:
+        """A frame was served."""
+        self._fault = None
+        self.served += 1
+
+    def report(self, now_ns: int, matches: int, drops: int) -> HealthReport:
+        """The state at `now_ns`; matches and drops are the synchroniser's counts since the last report."""
+        values = self._values(now_ns, drops)
+        missing = [topic for stream, topic in self._topics.items() if stream not in self._seen]
+        if missing:
+            return HealthReport(Level.ERROR, f"nothing received on {', '.join(missing)}", values)
+        age_fault = self._age_fault(now_ns)
+        if self._last_stamp_ns is None:
+            names = " and ".join(self._topics.values())
+            return HealthReport(Level.ERROR, self._fault or f"stamps of {names} never match", values)
+        if age_fault is not None:
+            return HealthReport(Level.STALE, age_fault, values)
+        if self._fault is not None:
+            return HealthReport(Level.ERROR, self._fault, values)
+        if drops > self._limits.max_drop_fraction * max(1, matches + drops):
+            return HealthReport(Level.WARN, f"{drops} images without a partner since the last report", values)
+        return HealthReport(Level.OK, "camera data is fresh", values)
+
+    def _age_fault(self, now_ns: int) -> str | None:
+        if self._last_stamp_ns is None:
+            return None
+        age = (now_ns - self._last_stamp_ns) * 1e-9
+        if age > self._limits.max_age_s:
+            return f"newest camera frame is {age:.1f} s old (limit {self._limits.max_age_s:.1f} s)"
+        if age < -self._limits.max_age_s:
+            return (
+                f"newest camera frame is stamped {-age:.1f} s in the future: "
+                "set use_sim_time alike on every node, and synchronise the clocks"
+            )
+        return None
+
+    def _values(self, now_ns: int, drops: int) -> dict[str, str]:
+        values = {"served": str(self.served), "unmatched_images": str(drops)}
+        if self._last_stamp_ns is not None:
+            values["age_s"] = f"{(now_ns - self._last_stamp_ns) * 1e-9:.3f}"
+        if len(self._arrivals) >= 2 and self._arrivals[-1] > self._arrivals[0]:
+            rate = (len(self._arrivals) - 1) / ((self._arrivals[-1] - self._arrivals[0]) * 1e-9)
+            values["rate_hz"] = f"{rate:.2f}"
+        if self._valid_fraction is not None:
+            values["valid_fraction"] = f"{self._valid_fraction:.3f}"
+        return values

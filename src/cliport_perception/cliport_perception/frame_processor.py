@@ -1,0 +1,98 @@
+"""Frames of one camera -> heightmaps and clouds, each at its own rate, or the reason why not."""
+
+from __future__ import annotations
+
+from array import array
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from cliport_perception.camera_health import CameraHealth
+from cliport_perception.camera_model import CameraModel
+from cliport_perception.clouds import CloudBuilder
+from cliport_perception.errors import UnfitFrameError
+from cliport_perception.heightmap import Heightmap
+from cliport_perception.heightmap_builder import HeightmapBuilder
+from cliport_perception.pose import Pose
+from cliport_perception.workspace import WorkspaceSpec
+
+
+class FrameProducts(NamedTuple):
+    """heightmap of a frame; cloud: the buffer of `CloudBuilder`, or None when none is due."""
+
+    heightmap: Heightmap
+    cloud: array[int] | None
+
+
+class FrameProcessor:
+    """Keeps the rays of the current camera and pose, and the rates: heightmap_hz and points_hz at most."""
+
+    def __init__(
+        self, workspace: WorkspaceSpec, health: CameraHealth, heightmap_hz: float, points_hz: float
+    ) -> None:
+        self._workspace = workspace
+        self._health = health
+        self._heightmap_rate = _Rate(heightmap_hz)
+        self._points_rate = _Rate(points_hz)
+        self._builders: tuple[HeightmapBuilder, CloudBuilder] | None = None
+
+    def admits(self, stamp_ns: int, now_ns: int) -> bool:
+        """Whether a heightmap is due for a frame.
+
+        Raises:
+            UnfitFrameError: when the frame is too old, or from the future.
+        """
+        _refuse(self._health.check_age(stamp_ns, now_ns))
+        return self._heightmap_rate.is_due(stamp_ns)
+
+    def process(
+        self,
+        color: npt.NDArray[np.uint8],
+        depth_m: npt.NDArray[np.float32],
+        camera: CameraModel,
+        camera_in_base: Pose,
+        stamp_ns: int,
+    ) -> FrameProducts:
+        """Products of color (H, W, 3) RGB and depth_m (H, W) [m], NaN where unknown.
+
+        Raises:
+            ImageError: when an image does not have the camera's size.
+            UnfitFrameError: when too little of the workspace is seen.
+        """
+        to_heightmap, to_cloud = self._builders_for(camera, camera_in_base)
+        heightmap = to_heightmap.build(color, depth_m, stamp_ns)
+        _refuse(self._health.check_valid_fraction(heightmap.valid_fraction))
+        cloud = None
+        if self._points_rate.is_due(stamp_ns):
+            cloud = to_cloud.build(color, depth_m)
+            self._points_rate.note(stamp_ns)
+        self._heightmap_rate.note(stamp_ns)
+        self._health.on_served()
+        return FrameProducts(heightmap, cloud)
+
+    def _builders_for(self, camera: CameraModel, pose: Pose) -> tuple[HeightmapBuilder, CloudBuilder]:
+        current = self._builders
+        if current and current[1].camera == camera and current[1].camera_in_base.is_close(pose):
+            return current
+        self._builders = HeightmapBuilder(camera, pose, self._workspace), CloudBuilder(camera, pose)
+        return self._builders
+
+
+class _Rate:
+    """At most `hz` a second by the frames' own stamps; 0 means every frame."""
+
+    def __init__(self, hz: float) -> None:
+        self._period_ns = int(0.95e9 / hz) if hz > 0.0 else 0  # some slack: camera rates are never exact
+        self._last_ns: int | None = None
+
+    def is_due(self, stamp_ns: int) -> bool:
+        return self._last_ns is None or not 0 <= stamp_ns - self._last_ns < self._period_ns
+
+    def note(self, stamp_ns: int) -> None:
+        self._last_ns = stamp_ns
+
+
+def _refuse(reason: str | None) -> None:
+    if reason is not None:
+        raise UnfitFrameError(reason)

@@ -1,0 +1,229 @@
+"""Depth and colour images -> heightmap, fast: rays are computed once per camera pose."""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+from typing import TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from cliport_perception.camera_model import CameraModel
+from cliport_perception.errors import ImageError
+from cliport_perception.heightmap import Heightmap
+from cliport_perception.images import MAX_DEPTH_M
+from cliport_perception.pose import Pose
+from cliport_perception.workspace import WorkspaceSpec
+
+FloatImage: TypeAlias = npt.NDArray[np.float32]
+
+MAX_DEPTH_STEP = 0.012  # neighbouring pixels whose depth differs by less lie on one surface [m]
+_MAX_SPLITS = 4  # at most this many samples from a pixel to its neighbour
+_JITTER = 0.0015  # how far depth noise may push neighbouring samples apart on the table [m]
+_HEIGHT_STEP = 1e-5  # resolution of the heights that come out [m]
+_INDEX_BITS = 32  # low bits of a sort key that hold the image pixel
+
+
+class HeightmapBuilder:
+    """Projects the frames of one camera at one pose onto one workspace.
+
+    The highest point of a cell wins. A pixel covers the patch up to its right and lower neighbours: where
+    those lie on the same surface (depth step below `max_depth_step` [m]), the patch is sampled densely enough
+    that a seen surface has no pinholes; across depth edges nothing is invented. Unseen cells stay invalid.
+
+    camera_in_base: pose of the optical frame (z forward, x right, y down) in the base frame.
+    """
+
+    def __init__(
+        self,
+        camera: CameraModel,
+        camera_in_base: Pose,
+        workspace: WorkspaceSpec,
+        max_depth_step: float = MAX_DEPTH_STEP,
+    ) -> None:
+        self.camera = camera
+        self.camera_in_base = camera_in_base
+        self.workspace = workspace
+        self.max_depth_step = float(max_depth_step)
+        rays = camera.rays() @ camera_in_base.rotation.T.astype(np.float32)  # (H, W, 3), base frame
+        self._roi = _region_that_sees(rays, camera_in_base, workspace)
+        roi_rays = np.ascontiguousarray(np.moveaxis(rays[self._roi], -1, 0))  # (3, h, w)
+        self._splits = _splits_per_pixel(roi_rays, camera_in_base, workspace)
+        # grid coordinates are (cell column, cell row, height step): one multiply and one add per pixel
+        scale = np.array([workspace.pixel_size, workspace.pixel_size, _HEIGHT_STEP])
+        origin = np.array([workspace.x_min, workspace.y_min, workspace.z_min])
+        self._slope = roi_rays / scale.astype(np.float32)[:, None, None]
+        self._offset = ((camera_in_base.translation - origin) / scale).astype(np.float32)
+        self._height_steps = (workspace.z_max - workspace.z_min) / _HEIGHT_STEP
+
+    def build(self, color: npt.NDArray[np.uint8], depth_m: FloatImage, stamp_ns: int = 0) -> Heightmap:
+        """One heightmap from color (H, W, 3) RGB and depth_m (H, W) [m], not finite or <= 0 where unknown.
+
+        Raises:
+            ImageError: when an image does not have the camera's size.
+        """
+        self._check_sizes(color, depth_m)
+        rows, cols = self.workspace.shape
+        keys: npt.NDArray[np.int64] = np.full(rows * cols, -1, dtype=np.int64)
+        depth = np.array(depth_m[self._roi], dtype=np.float32)
+        if depth.size:
+            depth[~((depth > 0.0) & (depth < MAX_DEPTH_M))] = np.nan
+            self._splat(depth, keys)
+        seen = keys >= 0
+        height: FloatImage = np.zeros(rows * cols, dtype=np.float32)
+        flat_color: npt.NDArray[np.uint8] = np.zeros((rows * cols, 3), dtype=np.uint8)
+        won = keys[seen]
+        height[seen] = (won >> _INDEX_BITS) * _HEIGHT_STEP + self.workspace.z_min
+        index = won & ((1 << _INDEX_BITS) - 1)
+        width = max(1, depth.shape[1])
+        flat_color[seen] = color[self._roi][index // width, index % width]
+        return Heightmap(
+            flat_color.reshape(rows, cols, 3),
+            height.reshape(rows, cols),
+            seen.reshape(rows, cols),
+            self.workspace,
+            stamp_ns,
+        )
+
+    def _splat(self, depth: FloatImage, keys: npt.NDArray[np.int64]) -> None:
+        """Raise keys (rows * cols,) to `height << 32 | pixel` of the highest sample in each cell."""
+        grid = depth * self._slope + self._offset[:, None, None]  # (3, h, w)
+        down, right, patch = (_same_surface(depth, step, self.max_depth_step) for step in _STEPS)
+        n_down, n_right = self._splits
+        width = depth.shape[1]
+        for i in range(n_down):
+            for j in range(n_right):
+                a, b = i / n_down, j / n_right
+                if i == 0 and j == 0:
+                    samples, joined, nearest = grid, None, (0, 0)
+                elif j == 0:
+                    samples = _blend(grid[:, :-1], grid[:, 1:], a)
+                    joined, nearest = down, (int(a >= 0.5), 0)
+                elif i == 0:
+                    samples = _blend(grid[:, :, :-1], grid[:, :, 1:], b)
+                    joined, nearest = right, (0, int(b >= 0.5))
+                else:
+                    upper = _blend(grid[:, :-1, :-1], grid[:, :-1, 1:], b)
+                    samples = _blend(upper, _blend(grid[:, 1:, :-1], grid[:, 1:, 1:], b), a)
+                    joined, nearest = patch, (int(a >= 0.5), int(b >= 0.5))
+                self._raise_cells(samples, joined, nearest, width, keys)
+
+    def _raise_cells(
+        self,
+        samples: FloatImage,
+        joined: npt.NDArray[np.bool_] | None,
+        nearest: tuple[int, int],
+        width: int,
+        keys: npt.NDArray[np.int64],
+    ) -> None:
+        rows, cols = self.workspace.shape
+        column, row, height = samples
+        with np.errstate(invalid="ignore"):
+            inside = (column >= 0) & (column < cols) & (row >= 0) & (row < rows)
+            inside &= (height >= 0) & (height <= self._height_steps)
+        if joined is not None:
+            inside &= joined
+        at_row, at_col = np.nonzero(inside)
+        cell = row[inside].astype(np.int32) * cols + column[inside].astype(np.int32)
+        pixel = (at_row + nearest[0]) * width + (at_col + nearest[1])
+        key = ((height[inside] + 0.5).astype(np.int64) << _INDEX_BITS) | pixel
+        np.maximum.at(keys, cell, key)
+
+    def _check_sizes(self, color: npt.NDArray[np.uint8], depth_m: FloatImage) -> None:
+        size = (self.camera.height, self.camera.width)
+        if depth_m.shape != size:
+            raise ImageError(f"depth image is {depth_m.shape}, the camera model says {size} (rows, columns)")
+        if color.shape != (*size, 3):
+            raise ImageError(f"colour image is {color.shape}, the camera model says {(*size, 3)}")
+
+
+@lru_cache(maxsize=4)
+def _cached_builder(
+    camera: CameraModel, rotation: bytes, translation: bytes, workspace: WorkspaceSpec
+) -> HeightmapBuilder:
+    pose = Pose(np.frombuffer(rotation).reshape(3, 3), np.frombuffer(translation))
+    return HeightmapBuilder(camera, pose, workspace)
+
+
+def heightmap_from_rgbd(
+    color: npt.NDArray[np.uint8],
+    depth_m: FloatImage,
+    camera: CameraModel,
+    camera_in_base: Pose,
+    workspace: WorkspaceSpec,
+    stamp_ns: int = 0,
+) -> Heightmap:
+    """One frame -> heightmap; builders are cached, so repeated calls with the same camera are fast.
+
+    color: (H, W, 3) uint8 RGB; depth_m: (H, W) float32 [m] along the optical axis, not finite or <= 0 where
+    unknown; camera_in_base: pose of the optical frame in the base frame.
+
+    Raises:
+        ImageError: when an image does not have the camera's size.
+    """
+    builder = _cached_builder(
+        camera, camera_in_base.rotation.tobytes(), camera_in_base.translation.tobytes(), workspace
+    )
+    return builder.build(color, depth_m, stamp_ns)
+
+
+_STEPS = ((1, 0), (0, 1), (1, 1))  # to the lower neighbour, to the right one, over the patch of four
+
+
+def _same_surface(depth: FloatImage, step: tuple[int, int], max_step: float) -> npt.NDArray[np.bool_]:
+    """Where depth (h, w) is known and smooth from a pixel to its neighbours `step` away."""
+    if step == (1, 1):
+        top = _same_surface(depth, (0, 1), max_step)
+        left = _same_surface(depth, (1, 0), max_step)
+        result: npt.NDArray[np.bool_] = top[:-1] & top[1:] & left[:, :-1] & left[:, 1:]
+        return result
+    first, second = (depth[:-1], depth[1:]) if step == (1, 0) else (depth[:, :-1], depth[:, 1:])
+    smooth: npt.NDArray[np.bool_] = np.abs(first - second) <= max_step  # False where NaN
+    return smooth
+
+
+def _blend(first: FloatImage, second: FloatImage, share: float) -> FloatImage:
+    result: FloatImage = first * np.float32(1.0 - share) + second * np.float32(share)
+    return result
+
+
+def _region_that_sees(
+    rays: npt.NDArray[np.float32], camera_in_base: Pose, workspace: WorkspaceSpec
+) -> tuple[slice, slice]:
+    """The image rows and columns whose rays (H, W, 3) meet the workspace's volume (slab test)."""
+    low = np.array([workspace.x_min, workspace.y_min, workspace.z_min]) - camera_in_base.translation
+    high = np.array([workspace.x_max, workspace.y_max, workspace.z_max]) - camera_in_base.translation
+    with np.errstate(divide="ignore", invalid="ignore"):
+        to_low = low.astype(np.float32) / rays
+        to_high = high.astype(np.float32) / rays
+    enter = np.fmin(to_low, to_high).max(axis=-1)
+    leave = np.fmax(to_low, to_high).min(axis=-1)
+    meets = (leave >= np.fmax(enter, 0.0)) & np.isfinite(leave)
+    if not meets.any():
+        return slice(0, 0), slice(0, 0)
+    at_rows = np.flatnonzero(meets.any(axis=1))
+    at_cols = np.flatnonzero(meets.any(axis=0))
+    h, w = meets.shape
+    return (
+        slice(max(0, int(at_rows[0]) - 1), min(h, int(at_rows[-1]) + 2)),
+        slice(max(0, int(at_cols[0]) - 1), min(w, int(at_cols[-1]) + 2)),
+    )
+
+
+def _splits_per_pixel(
+    rays: npt.NDArray[np.float32], camera_in_base: Pose, workspace: WorkspaceSpec
+) -> tuple[int, int]:
+    """How many samples (down, right) a pixel needs for the workspace's floor to have one in every cell."""
+    drop = workspace.z_min - camera_in_base.translation[2]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        xy = rays[:2] * (drop / rays[2])  # (2, h, w): where the rays meet the floor
+    x, y = xy[0] + camera_in_base.translation[0], xy[1] + camera_in_base.translation[1]
+    inside = (x > workspace.x_min) & (x < workspace.x_max) & (y > workspace.y_min) & (y < workspace.y_max)
+    splits = []
+    for axis in (1, 2):
+        gap = np.abs(np.diff(xy, axis=axis)).max(axis=0)
+        near = np.take(inside, range(gap.shape[axis - 1]), axis=axis - 1)
+        widest = float(gap[near].max()) if near.any() else workspace.pixel_size
+        splits.append(min(_MAX_SPLITS, max(1, math.ceil((widest + _JITTER) / workspace.pixel_size))))
+    return splits[0], splits[1]

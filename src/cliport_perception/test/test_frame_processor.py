@@ -1,0 +1,55 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from cliport_perception import Pose, UnfitFrameError, WorkspaceSpec
+from cliport_perception.camera_health import CameraHealth, HealthLimits
+from cliport_perception.frame_processor import FrameProcessor
+
+MS = 1_000_000
+
+
+def make(heightmap_hz: float = 10.0, points_hz: float = 2.0) -> FrameProcessor:
+    return FrameProcessor(WorkspaceSpec(), CameraHealth({}, HealthLimits()), heightmap_hz, points_hz)
+
+
+def test_each_product_keeps_its_rate(box_scene) -> None:
+    processor = make()
+    color, depth, camera, pose = box_scene
+    heightmaps = clouds = 0
+    for i in range(20):  # two thirds of a second at 30 Hz
+        stamp = 5_000 * MS + i * 33 * MS
+        if processor.admits(stamp, stamp + 10 * MS):
+            products = processor.process(color, depth, camera, pose, stamp)
+            assert products.heightmap.stamp_ns == stamp
+            heightmaps += 1
+            clouds += products.cloud is not None
+    assert heightmaps == 7
+    assert clouds == 2
+
+
+def test_a_clock_reset_does_not_stop_it(box_scene) -> None:
+    processor = make()
+    processor.process(*box_scene, 90_000 * MS)
+    assert processor.admits(10 * MS, 20 * MS)
+    assert processor.process(*box_scene, 10 * MS).cloud is not None
+
+
+def test_old_frames_and_empty_depth_are_refused(box_scene) -> None:
+    processor = make()
+    with pytest.raises(UnfitFrameError, match=r"2\.0 s old"):
+        processor.admits(1000 * MS, 3000 * MS)
+    empty = np.full_like(box_scene.depth, np.nan)
+    with pytest.raises(UnfitFrameError, match=r"valid in 0\.0 %"):
+        processor.process(box_scene.color, empty, box_scene.camera, box_scene.camera_in_base, 0)
+    assert processor.admits(0, 0)  # the refused frame did not use up the rate
+
+
+def test_a_moved_camera_is_followed(box_scene, cast_scene) -> None:
+    processor = make(0.0, 0.0)
+    first = processor.process(*box_scene, 0).heightmap
+    moved = cast_scene(box_scene.camera, Pose.looking_at((1.2, -0.3, 1.0), (0.45, 0.0, 0.0)))
+    second = processor.process(*moved, 1).heightmap
+    both = first.valid & second.valid
+    assert np.median(np.abs(first.height - second.height)[both]) < 1e-4

@@ -1,0 +1,169 @@
+from __future__ import annotations
+
+import statistics
+import time
+
+import numpy as np
+import pytest
+
+from cliport_perception import (
+    CameraModel,
+    HeightmapBuilder,
+    ImageError,
+    Pose,
+    WorkspaceSpec,
+    heightmap_from_rgbd,
+)
+
+WORKSPACE = WorkspaceSpec()
+
+
+def build(scene, **changes):
+    return heightmap_from_rgbd(scene.color, scene.depth, scene.camera, scene.camera_in_base, WORKSPACE, 7)
+
+
+def top_mask(box, margin: float) -> np.ndarray:
+    """Cells at least `margin` [m] inside (or, negative, outside) a box's outline."""
+    rows, cols = np.mgrid[0 : WORKSPACE.rows, 0 : WORKSPACE.cols]
+    x = WORKSPACE.x_min + (cols + 0.5) * WORKSPACE.pixel_size
+    y = WORKSPACE.y_min + (rows + 0.5) * WORKSPACE.pixel_size
+    inside_x = (x > box.low[0] + margin) & (x < box.high[0] - margin)
+    return inside_x & (y > box.low[1] + margin) & (y < box.high[1] - margin)
+
+
+def test_a_bare_table_is_flat_and_has_no_pinholes(table_scene) -> None:
+    heightmap = build(table_scene)
+    assert heightmap.valid.all()
+    assert np.abs(heightmap.height).max() < 1e-4
+    assert np.all(heightmap.color == (120, 110, 100))
+    assert heightmap.stamp_ns == 7
+
+
+def test_a_noisy_table_has_no_pinholes(table_scene) -> None:
+    noise = np.random.default_rng(1).normal(0.0, 0.0015, table_scene.depth.shape)
+    heightmap = build(table_scene._replace(depth=(table_scene.depth + noise).astype(np.float32)))
+    assert heightmap.valid_fraction > 0.999
+    assert np.abs(heightmap.height[heightmap.valid]).mean() < 0.0015
+
+
+def test_boxes_come_out_at_their_height_place_and_colour(box_scene, boxes) -> None:
+    heightmap = build(box_scene)
+    for box in boxes:
+        top = top_mask(box, WORKSPACE.pixel_size)
+        assert heightmap.valid[top].all()
+        assert np.abs(heightmap.height[top] - box.high[2]).max() < 0.003
+        assert np.all(heightmap.color[top] == box.color)
+    far = ~np.any([top_mask(box, -0.1) for box in boxes], axis=0)
+    assert np.abs(heightmap.height[far]).max() < 0.003
+
+
+def test_what_a_box_hides_stays_unseen(box_scene, boxes) -> None:
+    heightmap = build(box_scene)
+    slab = boxes[1]
+    behind_x = slab.low[0] - 0.02  # the camera looks from +x: its shadow falls on the -x side
+    behind = [
+        WORKSPACE.xy_to_pixel(behind_x, y) for y in np.linspace(slab.low[1] + 0.03, slab.high[1] - 0.03, 9)
+    ]
+    assert not any(heightmap.valid[pixel] for pixel in behind)
+    assert np.all(heightmap.height[~heightmap.valid] == 0.0)
+    assert np.all(heightmap.color[~heightmap.valid] == 0)
+
+
+def test_no_height_is_invented_between_table_and_box(box_scene, boxes) -> None:
+    heightmap = build(box_scene)
+    # Walls are seen from the camera's side only; elsewhere a cell shows the table or a top, nothing between.
+    for box in boxes:
+        shadow_side = top_mask(box, -0.08) & ~top_mask(box, -0.004)
+        cols = np.arange(WORKSPACE.cols)[None, :]
+        shadow_side &= cols < WORKSPACE.xy_to_pixel(box.low[0], box.low[1])[1] - 2
+        heights = heightmap.height[shadow_side & heightmap.valid]
+        assert np.all((heights < 0.003) | (heights > box.high[2] - 0.003))
+
+
+def test_missing_depth_makes_holes_not_heights(table_scene) -> None:
+    depth = table_scene.depth.copy()
+    depth[200:240, 400:460] = np.nan
+    depth[260:280, 500:520] = 0.0
+    depth[260:280, 540:560] = np.inf
+    heightmap = build(table_scene._replace(depth=depth))
+    assert 0.8 < heightmap.valid_fraction < 1.0
+    assert np.abs(heightmap.height).max() < 1e-4
+
+
+@pytest.mark.parametrize("value", [np.nan, 0.0, np.inf, -1.0, 1e9])
+def test_a_frame_without_depth_gives_an_empty_heightmap(table_scene, value: float) -> None:
+    heightmap = build(table_scene._replace(depth=np.full_like(table_scene.depth, value)))
+    assert heightmap.valid_fraction == 0.0
+
+
+def test_a_camera_that_looks_away_gives_an_empty_heightmap(table_scene) -> None:
+    away = Pose.looking_at((1.2, 0.0, 0.9), (2.4, 0.0, 0.9))
+    heightmap = build(table_scene._replace(camera_in_base=away))
+    assert heightmap.valid_fraction == 0.0
+
+
+def test_it_is_deterministic(box_scene) -> None:
+    noise = np.random.default_rng(1).normal(0.0, 0.002, box_scene.depth.shape).astype(np.float32)
+    noisy = box_scene._replace(depth=box_scene.depth + noise)
+    first, second = build(noisy), build(noisy)
+    np.testing.assert_array_equal(first.height, second.height)
+    np.testing.assert_array_equal(first.color, second.color)
+
+
+@pytest.mark.parametrize(
+    ("name", "coefficients"),
+    [("plumb_bob", (0.09, -0.2, 0.0008, -0.0005, 0.08)),
+     ("rational_polynomial", (0.52, -2.6, 0.0006, -0.0003, 1.5, 0.40, -2.4, 1.4))],
+)  # fmt: skip
+def test_a_distorted_camera_sees_the_same_heights(
+    cast_scene, boxes, camera_in_base, name, coefficients
+) -> None:
+    lens = CameraModel(960, 540, 540.0, 540.0, 480.0, 270.0, name, coefficients)
+    heightmap = build(cast_scene(lens, camera_in_base))
+    for box in boxes:
+        assert np.abs(heightmap.height[top_mask(box, WORKSPACE.pixel_size)] - box.high[2]).max() < 0.003
+
+
+@pytest.mark.parametrize("eye", [(0.45, 0.0, 1.4), (0.45, 1.1, 0.8), (1.5, -0.4, 0.7)])
+def test_other_viewpoints_see_the_same_tops(cast_scene, boxes, camera, eye) -> None:
+    heightmap = build(cast_scene(camera, Pose.looking_at(eye, (0.45, 0.0, 0.0))))
+    for box in boxes:
+        top = top_mask(box, 2 * WORKSPACE.pixel_size)
+        assert heightmap.valid[top].mean() > 0.99
+        assert np.abs(heightmap.height[top & heightmap.valid] - box.high[2]).max() < 0.003
+
+
+def test_a_known_point_lands_in_its_cell(camera, camera_in_base) -> None:
+    rng = np.random.default_rng(3)
+    builder = HeightmapBuilder(camera, camera_in_base, WORKSPACE)
+    for _ in range(10):
+        row, col = rng.integers(120, 340), rng.integers(300, 660)
+        depth = np.full((540, 960), np.nan, dtype=np.float32)
+        point = camera_in_base.apply(camera.rays()[row, col] * 1.25)
+        depth[row, col] = 1.25
+        heightmap = builder.build(np.full((540, 960, 3), 9, dtype=np.uint8), depth)
+        inside = WORKSPACE.contains_xy(point[0], point[1]) and -0.02 <= point[2] <= 0.28
+        assert heightmap.valid.sum() == int(inside)
+        if inside:
+            pixel = WORKSPACE.xy_to_pixel(point[0], point[1])
+            assert heightmap.valid[pixel]
+            assert heightmap.height[pixel] == pytest.approx(point[2], abs=1e-4)
+
+
+def test_images_of_another_size_are_refused(camera, camera_in_base) -> None:
+    builder = HeightmapBuilder(camera, camera_in_base, WORKSPACE)
+    depth, color = np.ones((540, 960), np.float32), np.zeros((540, 960, 3), np.uint8)
+    with pytest.raises(ImageError, match="depth image is"):
+        builder.build(color, depth[:480])
+    with pytest.raises(ImageError, match="colour image is"):
+        builder.build(color[:480], depth)
+
+
+def test_one_frame_takes_well_under_a_frame_period(box_scene) -> None:
+    build(box_scene)
+    seconds = []
+    for _ in range(9):
+        start = time.thread_time()
+        build(box_scene)
+        seconds.append(time.thread_time() - start)
+    assert statistics.median(seconds) < 0.02  # CPU time: the machine may be busy

@@ -1,0 +1,170 @@
+"""The node with a camera that is a few publishers: served, refused and reported."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import pytest
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import TransformStamped
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
+from sensor_msgs.msg import CameraInfo, Image, PointCloud2
+from tf2_msgs.msg import TFMessage
+
+from cliport_interfaces.msg import Heightmap as HeightmapMsg
+from cliport_perception import conversions
+from cliport_perception.node import CAMERA_INFO, COLOR, DEPTH, PerceptionNode, main
+
+FRAME = "camera_color_optical_frame"
+
+
+class FakeCamera:
+    """Publishes frames as a driver does, and keeps what perception answers."""
+
+    def __init__(self, scene) -> None:
+        self.scene = scene
+        self.node = rclpy.create_node("fake_camera")
+        self.perception = PerceptionNode()
+        self.executor = SingleThreadedExecutor()
+        self.executor.add_node(self.node)
+        self.executor.add_node(self.perception)
+        sensor = qos_profile_sensor_data
+        self.color = self.node.create_publisher(Image, COLOR, sensor)
+        self.depth = self.node.create_publisher(Image, DEPTH, sensor)
+        self.info = self.node.create_publisher(CameraInfo, CAMERA_INFO, sensor)
+        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        self.tf = self.node.create_publisher(TFMessage, "/tf_static", latched)
+        self.heightmaps: list[HeightmapMsg] = []
+        self.clouds: list[PointCloud2] = []
+        self.reports: list[tuple[int, str]] = []
+        self.node.create_subscription(HeightmapMsg, "/cliport/heightmap", self.heightmaps.append, 2)
+        self.node.create_subscription(PointCloud2, "/cliport/points", self.clouds.append, 2)
+        self.node.create_subscription(DiagnosticArray, "/diagnostics", self._on_report, 10)
+
+    def _on_report(self, message: DiagnosticArray) -> None:
+        self.reports.append((message.status[0].level[0], message.status[0].message))
+
+    def publish_tf(self) -> None:
+        link = TransformStamped(child_frame_id=FRAME)
+        link.header.frame_id = "panda_link0"
+        link.transform = conversions.pose_to_transform_msg(self.scene.camera_in_base)
+        self.tf.publish(TFMessage(transforms=[link]))
+
+    def publish(
+        self, depth=None, age_s: float = 0.0, color_encoding: str = "rgb8", frame: str = FRAME
+    ) -> int:
+        stamp_ns = self.node.get_clock().now().nanoseconds - int(age_s * 1e9)
+        depth = self.scene.depth if depth is None else depth
+        messages = (
+            (self.info, conversions.camera_to_msg(self.scene.camera), frame),
+            (self.color, conversions.image_to_msg(self.scene.color, color_encoding), frame),
+            (self.depth, conversions.image_to_msg(depth, "32FC1"), FRAME),
+        )
+        for publisher, message, frame_id in messages:
+            message.header.stamp = conversions.stamp_to_msg(stamp_ns)
+            message.header.frame_id = frame_id
+            publisher.publish(message)
+        return stamp_ns
+
+    def until(self, condition: Callable[[], bool], timeout_s: float = 12.0, **frame) -> bool:
+        """Publish frames at about 10 Hz until a condition holds."""
+        end = time.monotonic() + timeout_s
+        while time.monotonic() < end and not condition():
+            self.publish(**frame)
+            pause = time.monotonic() + 0.1
+            while time.monotonic() < pause and not condition():
+                self.executor.spin_once(timeout_sec=0.02)
+        return condition()
+
+    def reported(self, level: int, text: str) -> Callable[[], bool]:
+        start = len(self.reports)
+        return lambda: any(lv == level and text in message for lv, message in self.reports[start:])
+
+
+@pytest.fixture
+def ros() -> Iterator[None]:
+    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    rclpy.init(domain_id=int(os.environ.get("ROS_DOMAIN_ID", "0")) or 44)
+    yield
+    rclpy.try_shutdown()
+
+
+@pytest.fixture
+def fake(ros: None, box_scene) -> Iterator[FakeCamera]:
+    camera = FakeCamera(box_scene)
+    yield camera
+    camera.executor.shutdown()
+    camera.node.destroy_node()  # its publishers must not be seen by the next test
+    camera.perception.destroy_node()
+
+
+def test_fresh_frames_are_served_once_the_camera_is_placed(fake: FakeCamera) -> None:
+    assert fake.until(fake.reported(2, "no transform from 'camera_color_optical_frame' to 'panda_link0'"))
+    assert not fake.heightmaps
+    fake.publish_tf()
+    assert fake.until(lambda: bool(fake.heightmaps and fake.clouds))
+    heightmap = conversions.heightmap_from_msg(fake.heightmaps[-1])
+    assert fake.heightmaps[-1].header.frame_id == fake.clouds[-1].header.frame_id == "panda_link0"
+    assert heightmap.height[heightmap.workspace.xy_to_pixel(0.42, -0.08)] == pytest.approx(0.04, abs=0.003)
+    assert len(conversions.cloud_points_from_msg(fake.clouds[-1])) == 540 * 960
+    assert fake.until(fake.reported(0, "camera data is fresh"))
+
+
+@pytest.mark.parametrize(
+    ("fault", "level", "text"),
+    [({"age_s": 2.5}, 3, "s old (limit 1.0 s)"), ({"depth": np.nan}, 2, "depth is valid in 0.0 %"),
+     ({"color_encoding": "yuv422"}, 2, "encoding 'yuv422'; supported are rgb8"),
+     ({"frame": "depth_frame"}, 2, "use aligned depth")],
+)  # fmt: skip
+def test_unfit_frames_are_reported_and_not_served(
+    fake: FakeCamera, fault: dict, level: int, text: str
+) -> None:
+    if "depth" in fault:
+        fault = {"depth": np.full_like(fake.scene.depth, np.nan)}
+    fake.publish_tf()
+    assert fake.until(fake.reported(level, text), **fault)
+    assert not fake.heightmaps
+
+
+def test_a_frozen_camera_is_reported_and_recovers(fake: FakeCamera) -> None:
+    fake.publish_tf()
+    assert fake.until(lambda: bool(fake.heightmaps))
+    stale, end = fake.reported(3, "s old"), time.monotonic() + 5.0
+    while not stale() and time.monotonic() < end:
+        fake.executor.spin_once(timeout_sec=0.05)
+    assert stale()
+    fake.heightmaps.clear()
+    assert fake.until(lambda: bool(fake.heightmaps))
+
+
+def test_a_missing_workspace_file_ends_in_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = ["--ros-args", "-p", "workspace:=/nowhere/workspace.yaml"]
+    assert main(arguments) == 1
+    assert capsys.readouterr().err.strip().startswith("error: cannot read workspace file /nowhere")
+
+
+def test_a_parameter_of_the_wrong_type_ends_in_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["--ros-args", "-p", "max_age:=soon"]) == 1
+    error = capsys.readouterr().err.strip()
+    assert error.startswith("error: ")
+    assert "max_age" in error
+    assert "\n" not in error
+
+
+def test_the_camera_is_heard_as_reliably_as_it_speaks(fake: FakeCamera) -> None:
+    fake.publish_tf()
+    assert fake.until(lambda: bool(fake.heightmaps))
+    inputs = fake.perception._inputs
+    assert not any(subscription.is_reliable for subscription in inputs.values())
+    for name in ("color", "depth", "info"):
+        old = getattr(fake, name)
+        setattr(fake, name, fake.node.create_publisher(old.msg_type, old.topic_name, 2))
+        fake.node.destroy_publisher(old)
+    assert fake.until(lambda: all(subscription.is_reliable for subscription in inputs.values()))
+    fake.heightmaps.clear()
+    assert fake.until(lambda: bool(fake.heightmaps))

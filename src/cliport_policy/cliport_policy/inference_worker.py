@@ -1,0 +1,87 @@
+"""The policy in a thread of its own, so that a stop is heard while it thinks."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from cliport_perception.errors import PerceptionError
+from cliport_perception.heightmap import Heightmap
+from cliport_perception.workspace import WorkspaceSpec
+from cliport_policy.action import PickPlaceAction
+from cliport_policy.errors import PolicyError
+
+WARM_UP = "put the red blocks in the green bowl"
+
+
+class InferringPolicy(Protocol):
+    """What is asked of a policy here."""
+
+    @property
+    def workspace(self) -> WorkspaceSpec: ...
+    def infer(self, observation: Heightmap, instruction: str, with_maps: bool = False) -> PickPlaceAction: ...
+
+
+class InferenceAnswer(NamedTuple):
+    """Of one call: the action and what it was seen in, or one line of error."""
+
+    token: int
+    action: PickPlaceAction | None
+    heightmap: Heightmap | None
+    error: str
+
+
+class InferenceWorker:
+    """One thread; `on_answer` is called in it."""
+
+    def __init__(self, policy: InferringPolicy, on_answer: Callable[[InferenceAnswer], None]) -> None:
+        self._policy = policy
+        self._on_answer = on_answer
+        self._pool = ThreadPoolExecutor(1, "inference")
+
+    def warm_up(self) -> None:
+        """Run the network once on an empty table: the first call is the slowest."""
+        self._pool.submit(self._warm_up)
+
+    def start(self, token: int, observe: Callable[[], Heightmap], instruction: str) -> None:
+        """Infer on what `observe` returns; it is called in the thread, too."""
+        self._pool.submit(self._run, token, observe, instruction)
+
+    def run(self, job: Callable[[], None]) -> Future[None]:
+        """Do something slow after what is waiting."""
+        return self._pool.submit(job)
+
+    def close(self) -> None:
+        """Drop what waits, and do not wait for what runs."""
+        self._pool.shutdown(wait=False, cancel_futures=True)
+
+    def _run(self, token: int, observe: Callable[[], Heightmap], instruction: str) -> None:
+        try:
+            heightmap = observe()
+            action = self._policy.infer(heightmap, instruction, with_maps=True)
+            answer = InferenceAnswer(token, action, heightmap, "")
+        except (PolicyError, PerceptionError) as error:
+            answer = InferenceAnswer(token, None, None, str(error))
+        except Exception as error:  # whatever it is, the server must hear of it and say so in one line
+            logging.getLogger(__name__).debug("inference failed", exc_info=True)
+            reason = " ".join(str(error).split())[:200]
+            answer = InferenceAnswer(token, None, None, f"inference failed: {type(error).__name__}: {reason}")
+        self._on_answer(answer)
+
+    def _warm_up(self) -> None:
+        workspace = self._policy.workspace
+        rows, cols = workspace.shape
+        empty = Heightmap(
+            np.full((rows, cols, 3), 128, np.uint8),
+            np.zeros((rows, cols), np.float32),
+            np.ones((rows, cols), np.bool_),
+            workspace,
+        )
+        try:
+            self._policy.infer(empty, WARM_UP, with_maps=True)
+        except PolicyError as error:
+            logging.getLogger(__name__).debug("no warm-up: %s", error)

@@ -1,0 +1,274 @@
+"""The server's node among fakes: perception's topic, an executor's action, and a policy that knows."""
+
+from __future__ import annotations
+
+import os
+import threading
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("cliport_interfaces.msg")
+
+import rclpy
+from geometry_msgs.msg import PoseStamped
+from rclpy.action import ActionServer, CancelResponse
+from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.executors import MultiThreadedExecutor
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from sensor_msgs.msg import Image
+from std_msgs.msg import Empty, String
+from std_srvs.srv import Trigger
+
+from cliport_interfaces.action import PickPlace
+from cliport_interfaces.msg import Heightmap as HeightmapMsg
+from cliport_interfaces.msg import PolicyStatus
+from cliport_perception.conversions import depth_from_msg, heightmap_to_msg
+from cliport_perception.heightmap import Heightmap
+from cliport_perception.pose import PlanarPose
+from cliport_perception.workspace import WorkspaceSpec
+from cliport_policy import conversions
+from cliport_policy import node as node_module
+from cliport_policy.action import AffordanceMaps, PickPlaceAction
+from cliport_policy.errors import CheckpointError, InstructionError
+
+WORKSPACE = WorkspaceSpec()
+PICK, PLACE = PlanarPose(0.4, 0.1, 0.3), PlanarPose(0.5, -0.2, 1.0)
+
+
+class FakePolicy:
+    """Wants `steps` actions, then sees the goal reached."""
+
+    workspace = WORKSPACE
+
+    def __init__(self, steps: int = 2) -> None:
+        self.left = steps
+        self.error: Exception | None = None
+
+    def check_instruction(self, text: str) -> None:
+        if "block" not in text:
+            raise InstructionError("the instruction is not understood")
+
+    def infer(self, observation: Heightmap, instruction: str, with_maps: bool = False) -> PickPlaceAction:
+        if not observation.stamp_ns:  # the warm-up
+            raise InstructionError("not yet")
+        if self.error:
+            raise self.error
+        cells = np.full(WORKSPACE.shape, 1.0 / (WORKSPACE.rows * WORKSPACE.cols), np.float32)
+        done = 1.0 if self.left == 0 else 0.0
+        self.left = max(0, self.left - 1)
+        maps = AffordanceMaps(cells, cells)
+        return PickPlaceAction(PICK, PLACE, (200, 60), (80, 100), 0.9, 0.8, done, maps)
+
+
+class Graph:
+    """Everything around the server: camera, executor, a person."""
+
+    def __init__(self, policy: FakePolicy, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr(node_module, "load_policy", lambda name: policy)
+        self.person = rclpy.create_node("person")
+        self.server = node_module.PolicyServerNode()
+        self.statuses: list[PolicyStatus] = []
+        self.goals: list[PickPlace.Goal] = []
+        self.poses: list[PoseStamped] = []
+        self.images: dict[str, Image] = {}
+        self.camera_on = self.alive = True
+        self.hold = threading.Event()  # set: motions take until they are cancelled
+        self.cancelled = threading.Event()
+        self.stops = self.running = 0
+        group = ReentrantCallbackGroup()
+        self.instruction = self.person.create_publisher(String, "/cliport/instruction", 10)
+        self.heightmap = self.person.create_publisher(HeightmapMsg, "/cliport/heightmap", 2)
+        self.heartbeat = self.person.create_publisher(Empty, "/panda_executor/heartbeat", 10)
+        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        self.person.create_subscription(PolicyStatus, "/cliport/status", self.statuses.append, latched)
+        self.person.create_subscription(PoseStamped, "/cliport/pick_pose", self.poses.append, 10)
+        for name in ("pick", "place", "pick/raw", "place/raw"):
+            keep = self._keeper(name)
+            self.person.create_subscription(Image, f"/cliport/affordance/{name}", keep, 2)
+        self.person.create_service(Trigger, "/panda_executor/stop", self._on_stop, callback_group=group)
+        self.services = {
+            name: self.person.create_client(Trigger, f"/cliport/{name}", callback_group=group)
+            for name in ("approve", "stop", "resume")
+        }
+        self.action = ActionServer(
+            self.person, PickPlace, "/panda_executor/pick_place", self._execute,
+            cancel_callback=lambda _: CancelResponse.ACCEPT, callback_group=group,
+        )  # fmt: skip
+        self.person.create_timer(0.1, self._beat, callback_group=group)
+        self.executor = MultiThreadedExecutor(4)
+        self.executor.add_node(self.person)
+        self.executor.add_node(self.server)
+        self.thread = threading.Thread(target=self.executor.spin, daemon=True)
+        self.thread.start()
+
+    def _keeper(self, name: str) -> Callable[[Image], None]:
+        return lambda message: self.images.__setitem__(name, message)
+
+    def _on_stop(self, _: Any, response: Trigger.Response) -> Trigger.Response:
+        self.stops += 1
+        response.success = True
+        return response
+
+    def _beat(self) -> None:
+        if self.alive:
+            self.heartbeat.publish(Empty())
+        if self.camera_on:
+            shape = WORKSPACE.shape
+            color, height = np.full((*shape, 3), 90, np.uint8), np.zeros(shape, np.float32)
+            stamp_ns = self.person.get_clock().now().nanoseconds
+            heightmap = Heightmap(color, height, np.ones(shape, bool), WORKSPACE, stamp_ns)
+            self.heightmap.publish(heightmap_to_msg(heightmap, "panda_link0"))
+
+    def _execute(self, handle: Any) -> PickPlace.Result:
+        self.running += 1
+        try:
+            return self._move(handle)
+        finally:
+            self.running -= 1
+
+    def _move(self, handle: Any) -> PickPlace.Result:
+        self.goals.append(handle.request)
+        handle.publish_feedback(PickPlace.Feedback(phase=2, phase_name="GO_ABOVE_PICK"))
+        end = time.monotonic() + 15.0
+        while self.hold.is_set() and time.monotonic() < end:
+            if handle.is_cancel_requested:
+                handle.canceled()
+                self.cancelled.set()
+                return PickPlace.Result(outcome=PickPlace.Result.OUTCOME_CANCELLED)
+            time.sleep(0.02)
+        handle.succeed()
+        return PickPlace.Result(outcome=PickPlace.Result.OUTCOME_SUCCEEDED)
+
+    def say(self, text: str) -> None:
+        assert self.until(lambda: self.instruction.get_subscription_count() > 0)
+        self.instruction.publish(String(data=text))
+
+    def call(self, name: str) -> Trigger.Response:
+        assert self.services[name].wait_for_service(5.0)
+        future = self.services[name].call_async(Trigger.Request())
+        assert self.until(future.done)
+        return future.result()
+
+    def until(self, condition: Callable[[], bool], timeout_s: float = 10.0) -> bool:
+        end = time.monotonic() + timeout_s
+        while time.monotonic() < end and not condition():
+            time.sleep(0.02)
+        return bool(condition())
+
+    def reaches(self, state: int, timeout_s: float = 10.0) -> bool:
+        return self.until(lambda: bool(self.statuses) and self.statuses[-1].state == state, timeout_s)
+
+    def close(self) -> None:
+        self.hold.clear()
+        self.until(lambda: self.running == 0)
+        time.sleep(0.2)  # results are on their way
+        self.server.close()
+        rclpy.try_shutdown()
+        self.thread.join(2.0)
+        self.executor.shutdown(timeout_sec=2.0)
+        self.person.destroy_node()
+        self.server.destroy_node()
+
+
+@pytest.fixture
+def graph(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., Graph]]:
+    made: list[Graph] = []
+
+    def make(steps: int = 2, **parameters: object) -> Graph:
+        os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+        arguments = [v for k, value in parameters.items() for v in ("-p", f"{k}:={value}")]
+        rclpy.init(
+            args=["--ros-args", *arguments] if arguments else None,
+            domain_id=int(os.environ.get("ROS_DOMAIN_ID", "0")) or 44,
+        )
+        made.append(Graph(FakePolicy(steps), monkeypatch))
+        return made[-1]
+
+    yield make
+    for one in made:
+        one.close()
+
+
+def test_an_instruction_becomes_goals_until_it_is_done(graph: Callable[..., Graph]) -> None:
+    world = graph(steps=2)
+    assert world.reaches(PolicyStatus.STATE_IDLE)
+    world.say("put the red blocks in the green bowl")
+    assert world.reaches(PolicyStatus.STATE_DONE)
+    assert world.statuses[-1].message == "the goal looks reached after 2 steps"
+    assert len(world.goals) == 2
+    goal = world.goals[0]
+    assert (goal.header.frame_id, goal.instruction) == ("panda_link0", "put the red blocks in the green bowl")
+    assert conversions.planar_pose_from_msg(goal.place).yaw == pytest.approx(PLACE.yaw)
+    assert world.until(lambda: len(world.images) == 4)
+    assert world.images["pick"].encoding == "rgb8"
+    assert depth_from_msg(world.images["place/raw"]).shape == WORKSPACE.shape
+    assert world.poses[-1].pose.position.x == pytest.approx(PICK.x)
+    assert any("GO_ABOVE_PICK" in status.message for status in world.statuses)
+
+
+def test_stop_cancels_latches_and_is_passed_on(graph: Callable[..., Graph]) -> None:
+    world = graph()
+    world.hold.set()
+    world.say("put the red blocks in the green bowl")
+    assert world.until(lambda: bool(world.goals))
+    assert world.call("stop").success
+    assert world.cancelled.wait(5.0)
+    assert world.until(lambda: world.stops == 1)
+    assert world.reaches(PolicyStatus.STATE_IDLE)
+    world.say("put the red blocks in the green bowl")
+    assert world.reaches(PolicyStatus.STATE_FAILED)
+    assert "resume" in world.statuses[-1].message
+    world.hold.clear()
+    assert world.call("resume").success
+    world.say("put the red blocks in the green bowl")
+    assert world.reaches(PolicyStatus.STATE_DONE)
+
+
+def test_approval_is_waited_for(graph: Callable[..., Graph]) -> None:
+    world = graph(steps=1, require_approval=True)
+    assert not world.call("approve").success
+    world.say("put the red blocks in the green bowl")
+    assert world.reaches(PolicyStatus.STATE_WAITING_FOR_APPROVAL)
+    assert not world.goals
+    assert world.call("approve").success
+    assert world.reaches(PolicyStatus.STATE_DONE)
+
+
+def test_faults_end_in_one_line(graph: Callable[..., Graph]) -> None:
+    world = graph(steps=9, observation_timeout=1.0)
+    for text, words in (("x" * 1_000_000, "1000000 characters"), ("fnord", "not understood")):
+        count = len(world.statuses)
+        world.say(text)
+        assert world.until(lambda n=count: len(world.statuses) > n)
+        assert world.reaches(PolicyStatus.STATE_FAILED)
+        assert words in world.statuses[-1].message
+    world.server._policy.error = RuntimeError("tensors\ndo not fit")
+    world.say("move a block")
+    assert world.until(lambda: world.statuses[-1].message == "inference failed: RuntimeError: tensors do not fit")
+    world.server._policy.error = None
+    world.camera_on = False
+    time.sleep(0.3)
+    world.say("move a block")
+    assert world.until(lambda: world.statuses[-1].message.startswith("no fresh heightmap for 1.0 s"))
+    assert not world.goals
+    world.camera_on = True
+    world.hold.set()
+    world.say("move a block")
+    assert world.until(lambda: bool(world.goals))
+    world.alive = False
+    assert world.until(lambda: world.statuses[-1].message.startswith("executor lost: no heartbeat"))
+
+
+def test_a_corrupt_checkpoint_ends_in_one_line(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def refuse(name: str) -> None:
+        raise CheckpointError(f"checkpoint {name} is damaged: restore it or train again")
+
+    monkeypatch.setattr(node_module, "load_policy", refuse)
+    assert node_module.main(["--ros-args", "-p", "checkpoint:=/tmp/broken"]) == 1
+    assert capsys.readouterr().err == "error: checkpoint /tmp/broken is damaged: restore it or train again\n"
