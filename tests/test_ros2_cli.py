@@ -79,8 +79,7 @@ def environment(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     share = prefix / "share/cli_test/launch"
     (share / "say.launch.yaml").write_text(LAUNCH)
     (share / "outer.launch.yaml").write_text(
-        "launch:\n  - include:\n      file: $(dirname)/say.launch.yaml\n"
-        "      arg: [{name: word, value: outer}]\n"
+        "launch:\n  - include:\n      file: $(dirname)/say.launch.yaml\n      arg: [{name: word, value: outer}]\n"
     )
     (share / "stay.launch.yaml").write_text(
         "launch:\n  - node: {pkg: cli_test, exec: wait, output: screen}\n"
@@ -175,9 +174,7 @@ def is_alive(pid: int) -> bool:
 
 def test_pub_once_reaches_echo_once(environment, background):
     echo = background(ROS2, "topic", "echo", "--once", "/words", "std_msgs/msg/String")
-    pub = ros2(
-        environment, "topic", "pub", "--once", "/words", "std_msgs/msg/String", "{data: 'hé \"quoted\"'}"
-    )
+    pub = ros2(environment, "topic", "pub", "--once", "/words", "std_msgs/msg/String", "{data: 'hé \"quoted\"'}")
     assert pub.returncode == 0, pub.stderr
     assert "publisher: beginning loop" in pub.stdout
     assert "publishing #1: std_msgs.msg.String(data='hé \"quoted\"')" in pub.stdout
@@ -325,9 +322,7 @@ def test_launch_substitutes_and_reports(environment):
     assert re.search(r"\[say-1\] +text: '7'\n", output)
     assert re.search(r"\[INFO\] \[say-1\]: process has finished cleanly \[pid \d+\]", output)
     assert "[fail-2] failing" in output
-    assert re.search(
-        r"\[ERROR\] \[fail-2\]: process has died \[pid \d+, exit code 3, cmd '.*fail.*'\]\.", output
-    )
+    assert re.search(r"\[ERROR\] \[fail-2\]: process has died \[pid \d+, exit code 3, cmd '.*fail.*'\]\.", output)
 
 
 def test_launch_includes_and_shows_arguments(environment):

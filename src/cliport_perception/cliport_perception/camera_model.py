@@ -43,8 +43,7 @@ class CameraModel:
         numbers = [self.fx, self.fy, self.cx, self.cy, *self.distortion]
         if not np.all(np.isfinite(numbers)) or self.fx <= 0.0 or self.fy <= 0.0:
             raise CameraModelError(
-                f"focal lengths must be positive and finite, got fx={self.fx} fy={self.fy}: "
-                "is the camera calibrated?"
+                f"focal lengths must be positive and finite, got fx={self.fx} fy={self.fy}: is the camera calibrated?"
             )
         lengths = DISTORTION_LENGTHS.get(self.distortion_model)
         if lengths is None:
@@ -55,8 +54,7 @@ class CameraModel:
         object.__setattr__(self, "distortion", tuple(float(v) for v in self.distortion))
         if len(self.distortion) not in lengths and any(self.distortion):
             raise CameraModelError(
-                f"distortion model '{self.distortion_model}' takes {lengths} coefficients, "
-                f"got {len(self.distortion)}"
+                f"distortion model '{self.distortion_model}' takes {lengths} coefficients, got {len(self.distortion)}"
             )
 
     @property
@@ -82,9 +80,7 @@ class CameraModel:
         if self.is_distorted:
             pixels = np.stack([u, v], axis=-1).reshape(-1, 1, 2)
             criteria = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 40, 1e-7)
-            normal = cv2.undistortPoints(
-                pixels, self.matrix, np.asarray(self.distortion), None, None, None, criteria
-            )
+            normal = cv2.undistortPoints(pixels, self.matrix, np.asarray(self.distortion), None, None, None, criteria)
             rays[..., :2] = normal.reshape(self.height, self.width, 2)
         else:
             rays[..., 0] = (u - self.cx) / self.fx

@@ -47,9 +47,7 @@ class FrameError(PerceptionError):
         self.target = target
         self.known = tuple(sorted(known))
         names = ", ".join(self.known) if self.known else "none"
-        super().__init__(
-            f"no transform from '{source}' to '{target}' on /tf or /tf_static (known frames: {names})"
-        )
+        super().__init__(f"no transform from '{source}' to '{target}' on /tf or /tf_static (known frames: {names})")
 
 
 class UnfitFrameError(PerceptionError):

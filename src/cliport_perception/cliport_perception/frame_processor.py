@@ -28,9 +28,7 @@ class FrameProducts(NamedTuple):
 class FrameProcessor:
     """Keeps the rays of the current camera and pose, and the rates: heightmap_hz and points_hz at most."""
 
-    def __init__(
-        self, workspace: WorkspaceSpec, health: CameraHealth, heightmap_hz: float, points_hz: float
-    ) -> None:
+    def __init__(self, workspace: WorkspaceSpec, health: CameraHealth, heightmap_hz: float, points_hz: float) -> None:
         self._workspace = workspace
         self._health = health
         self._heightmap_rate = _Rate(heightmap_hz)

@@ -37,8 +37,7 @@ class Heightmap:
             array = getattr(self, name)
             if array.shape != expected_shape or array.dtype != dtype:
                 raise ImageError(
-                    f"heightmap {name} must be {expected_shape} {np.dtype(dtype)}, "
-                    f"got {array.shape} {array.dtype}"
+                    f"heightmap {name} must be {expected_shape} {np.dtype(dtype)}, got {array.shape} {array.dtype}"
                 )
 
     @property

@@ -211,9 +211,7 @@ def _region_that_sees(
     )
 
 
-def _splits_per_pixel(
-    rays: npt.NDArray[np.float32], camera_in_base: Pose, workspace: WorkspaceSpec
-) -> tuple[int, int]:
+def _splits_per_pixel(rays: npt.NDArray[np.float32], camera_in_base: Pose, workspace: WorkspaceSpec) -> tuple[int, int]:
     """How many samples (down, right) a pixel needs for the workspace's floor to have one in every cell."""
     drop = workspace.z_min - camera_in_base.translation[2]
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -28,9 +28,7 @@ def test_pixels_are_found_again_by_projection(box_scene) -> None:
 
 
 def test_the_layout_is_depth_image_procs(box_scene) -> None:
-    data = bytes(
-        CloudBuilder(box_scene.camera, box_scene.camera_in_base).build(box_scene.color, box_scene.depth)
-    )
+    data = bytes(CloudBuilder(box_scene.camera, box_scene.camera_in_base).build(box_scene.color, box_scene.depth))
     row, col = 300, 480
     start = (row * 960 + col) * POINT_STEP
     r, g, b = box_scene.color[row, col]

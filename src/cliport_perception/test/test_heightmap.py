@@ -61,9 +61,7 @@ def test_what_a_box_hides_stays_unseen(box_scene, boxes) -> None:
     heightmap = build(box_scene)
     slab = boxes[1]
     behind_x = slab.low[0] - 0.02  # the camera looks from +x: its shadow falls on the -x side
-    behind = [
-        WORKSPACE.xy_to_pixel(behind_x, y) for y in np.linspace(slab.low[1] + 0.03, slab.high[1] - 0.03, 9)
-    ]
+    behind = [WORKSPACE.xy_to_pixel(behind_x, y) for y in np.linspace(slab.low[1] + 0.03, slab.high[1] - 0.03, 9)]
     assert not any(heightmap.valid[pixel] for pixel in behind)
     assert np.all(heightmap.height[~heightmap.valid] == 0.0)
     assert np.all(heightmap.color[~heightmap.valid] == 0)
@@ -115,9 +113,7 @@ def test_it_is_deterministic(box_scene) -> None:
     [("plumb_bob", (0.09, -0.2, 0.0008, -0.0005, 0.08)),
      ("rational_polynomial", (0.52, -2.6, 0.0006, -0.0003, 1.5, 0.40, -2.4, 1.4))],
 )  # fmt: skip
-def test_a_distorted_camera_sees_the_same_heights(
-    cast_scene, boxes, camera_in_base, name, coefficients
-) -> None:
+def test_a_distorted_camera_sees_the_same_heights(cast_scene, boxes, camera_in_base, name, coefficients) -> None:
     lens = CameraModel(960, 540, 540.0, 540.0, 480.0, 270.0, name, coefficients)
     heightmap = build(cast_scene(lens, camera_in_base))
     for box in boxes:

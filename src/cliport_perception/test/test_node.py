@@ -55,9 +55,7 @@ class FakeCamera:
         link.transform = conversions.pose_to_transform_msg(self.scene.camera_in_base)
         self.tf.publish(TFMessage(transforms=[link]))
 
-    def publish(
-        self, depth=None, age_s: float = 0.0, color_encoding: str = "rgb8", frame: str = FRAME
-    ) -> int:
+    def publish(self, depth=None, age_s: float = 0.0, color_encoding: str = "rgb8", frame: str = FRAME) -> int:
         stamp_ns = self.node.get_clock().now().nanoseconds - int(age_s * 1e9)
         depth = self.scene.depth if depth is None else depth
         messages = (
@@ -121,9 +119,7 @@ def test_fresh_frames_are_served_once_the_camera_is_placed(fake: FakeCamera) -> 
      ({"color_encoding": "yuv422"}, 2, "encoding 'yuv422'; supported are rgb8"),
      ({"frame": "depth_frame"}, 2, "use aligned depth")],
 )  # fmt: skip
-def test_unfit_frames_are_reported_and_not_served(
-    fake: FakeCamera, fault: dict, level: int, text: str
-) -> None:
+def test_unfit_frames_are_reported_and_not_served(fake: FakeCamera, fault: dict, level: int, text: str) -> None:
     if "depth" in fault:
         fault = {"depth": np.full_like(fake.scene.depth, np.nan)}
     fake.publish_tf()

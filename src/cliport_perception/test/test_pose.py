@@ -33,9 +33,7 @@ def test_quaternion_round_trip(seed: int) -> None:
     assert Pose.from_quaternion_xyzw(q, pose.translation).is_close(pose, 1e-12)
 
 
-@pytest.mark.parametrize(
-    "rpy", [(math.pi, 0, 0), (0, math.pi, 0), (0, 0, math.pi), (math.pi, 0, math.pi / 2)]
-)
+@pytest.mark.parametrize("rpy", [(math.pi, 0, 0), (0, math.pi, 0), (0, 0, math.pi), (math.pi, 0, math.pi / 2)])
 def test_half_turns_have_quaternions(rpy: tuple[float, float, float]) -> None:
     pose = Pose.from_xyz_rpy((1, 2, 3), rpy)
     assert Pose.from_quaternion_xyzw(pose.as_quaternion_xyzw(), pose.translation).is_close(pose, 1e-12)
@@ -57,9 +55,7 @@ def test_poses_cannot_be_changed_from_outside() -> None:
         pose.translation[0] = 1.0
 
 
-@pytest.mark.parametrize(
-    "rotation", [np.zeros((3, 3)), np.diag([1, 1, -1.0]), np.full((3, 3), np.nan), np.eye(4)]
-)
+@pytest.mark.parametrize("rotation", [np.zeros((3, 3)), np.diag([1, 1, -1.0]), np.full((3, 3), np.nan), np.eye(4)])
 def test_what_is_no_rotation_is_refused(rotation: np.ndarray) -> None:
     with pytest.raises(ValueError, match="Pose needs"):
         Pose(rotation, np.zeros(3))

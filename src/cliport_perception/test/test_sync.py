@@ -22,9 +22,7 @@ def test_equal_stamps_match_in_either_order() -> None:
     assert sync.take_counts() == (0, 0)
 
 
-@pytest.mark.parametrize(
-    ("offset_ms", "matches"), [(19, True), (20, True), (21, False), (-20, True), (-21, False)]
-)
+@pytest.mark.parametrize(("offset_ms", "matches"), [(19, True), (20, True), (21, False), (-20, True), (-21, False)])
 def test_the_slop_is_the_limit(offset_ms: int, matches: bool) -> None:
     sync = make()
     sync.add("color", 1000 * MS, "c")

@@ -88,9 +88,7 @@ def wait_for_topic_type(node: Node, topic: str, timeout: float | None) -> str | 
     spin_until(node, lambda: bool(topic_types(node, topic)), timeout)
     types = topic_types(node, topic)
     if len(types) > 1:
-        raise CommandError(
-            f"Cannot echo topic '{topic}', as it contains more than one type: [{', '.join(types)}]"
-        )
+        raise CommandError(f"Cannot echo topic '{topic}', as it contains more than one type: [{', '.join(types)}]")
     return types[0] if types else None
 
 

@@ -45,13 +45,9 @@ def find_launch_file(package: str, name: str | None) -> Path:
     share = find_share(package)
     found = sorted(path for path in share.rglob(name) if path.is_file())
     if not found:
-        raise CommandError(
-            f"file '{name}' was not found in the share directory of package '{package}' at '{share}'"
-        )
+        raise CommandError(f"file '{name}' was not found in the share directory of package '{package}' at '{share}'")
     if len(found) > 1:
-        raise CommandError(
-            f"file '{name}' was found more than once in the share directory of package '{package}'"
-        )
+        raise CommandError(f"file '{name}' was found more than once in the share directory of package '{package}'")
     return found[0]
 
 

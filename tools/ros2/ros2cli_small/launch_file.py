@@ -77,11 +77,7 @@ class LaunchDescription:
             content = yaml.safe_load(path.read_text())
         except (OSError, yaml.YAMLError, UnicodeDecodeError) as error:
             raise CommandError(f"{path}: {' '.join(str(error).split())}") from None
-        if (
-            not isinstance(content, dict)
-            or set(content) != {"launch"}
-            or not isinstance(content["launch"], list)
-        ):
+        if not isinstance(content, dict) or set(content) != {"launch"} or not isinstance(content["launch"], list):
             raise CommandError(f"{path}: a launch file has one list, 'launch:'")
         try:
             self._read(content["launch"], path)
@@ -105,9 +101,7 @@ class LaunchDescription:
                 raise CommandError(f"attributes of '{kind}' are 'key: value' lines, not {attributes!r}")
             unknown = set(attributes) - _KEYS[kind]
             if unknown:
-                raise CommandError(
-                    f"Unexpected attribute(s) found in `{kind}`: {', '.join(sorted(map(str, unknown)))}"
-                )
+                raise CommandError(f"Unexpected attribute(s) found in `{kind}`: {', '.join(sorted(map(str, unknown)))}")
             if self._wanted(attributes, path):
                 getattr(self, f"_read_{kind}")(attributes, path)
 
@@ -155,14 +149,10 @@ class LaunchDescription:
             )
 
     def _read_let(self, attributes: dict[str, Any], path: Path) -> None:
-        self._configurations[self._required(attributes, "name", path)] = self._required(
-            attributes, "value", path
-        )
+        self._configurations[self._required(attributes, "name", path)] = self._required(attributes, "value", path)
 
     def _read_set_env(self, attributes: dict[str, Any], path: Path) -> None:
-        self._environment[self._required(attributes, "name", path)] = self._required(
-            attributes, "value", path
-        )
+        self._environment[self._required(attributes, "name", path)] = self._required(attributes, "value", path)
 
     def _read_push_ros_namespace(self, attributes: dict[str, Any], path: Path) -> None:
         self._namespace = _joined(self._namespace, self._required(attributes, "namespace", path))

@@ -115,9 +115,7 @@ class LaunchService:
         process = one.process
         self._log.say("INFO", one.name, f"process started with pid [{process.pid}]")
         readers = [
-            asyncio.create_task(
-                self._pass_on(process.stdout, one.name, one.plan.output not in ("log", "own_log"))
-            ),
+            asyncio.create_task(self._pass_on(process.stdout, one.name, one.plan.output not in ("log", "own_log"))),
             asyncio.create_task(self._pass_on(process.stderr, one.name, one.plan.output != "own_log")),
         ]
         code = await process.wait()

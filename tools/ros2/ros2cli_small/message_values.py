@@ -58,9 +58,7 @@ def _convert(kind: str, current: Any, value: Any, now: Callable[[], Any] | None)
         return now()
     element = _element_type(kind)
     if element is not None:
-        if not isinstance(value, (list, tuple, bytes, str)) or (
-            isinstance(value, str) and element != "octet"
-        ):
+        if not isinstance(value, (list, tuple, bytes, str)) or (isinstance(value, str) and element != "octet"):
             raise CommandError(f"Failed to populate field: a sequence is needed for {kind}, not {value!r}")
         if "/" in element:
             return [_nested(element, item, now) for item in value]

@@ -26,9 +26,7 @@ def as_bool(text: str) -> bool:
     """Return the truth of a condition's text."""
     lowered = text.strip().lower()
     if lowered not in TRUE + FALSE:
-        raise CommandError(
-            f"invalid condition expression '{text}', expected one of {', '.join(TRUE + FALSE)}"
-        )
+        raise CommandError(f"invalid condition expression '{text}', expected one of {', '.join(TRUE + FALSE)}")
     return lowered in TRUE
 
 
@@ -96,9 +94,7 @@ def _evaluate(expression: str, scope: Scope) -> str:
     if high < 0:
         raise CommandError(f"unknown substitution '{name}'; known here: {', '.join(_ARITY)}")
     if not low <= len(arguments) <= high:
-        raise CommandError(
-            f"substitution '$({expression})' takes {low} to {high} arguments, got {len(arguments)}"
-        )
+        raise CommandError(f"substitution '$({expression})' takes {low} to {high} arguments, got {len(arguments)}")
     if name == "var":
         if arguments[0] in scope.configurations:
             return scope.configurations[arguments[0]]

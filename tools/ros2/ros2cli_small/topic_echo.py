@@ -25,15 +25,11 @@ def add_parser(verbs: Any) -> None:
     parser = verbs.add_parser("echo", help="Output messages from a topic")
     add_node_arguments(parser)
     parser.add_argument("topic_name", help="Name of the ROS topic to listen to (e.g. '/chatter')")
-    parser.add_argument(
-        "message_type", nargs="?", help="Type of the ROS message (e.g. 'std_msgs/msg/String')"
-    )
+    parser.add_argument("message_type", nargs="?", help="Type of the ROS message (e.g. 'std_msgs/msg/String')")
     add_qos_arguments(parser)
     parser.add_argument("--csv", action="store_true", help="Output all recursive fields separated by commas")
     parser.add_argument("--field", metavar="FIELD", help="Echo a selected field of a message")
-    parser.add_argument(
-        "-f", "--full-length", action="store_true", help="Output all elements of arrays and strings"
-    )
+    parser.add_argument("-f", "--full-length", action="store_true", help="Output all elements of arrays and strings")
     parser.add_argument(
         "-l", "--truncate-length", type=int, default=DEFAULT_LENGTH, metavar="N",
         help=f"The length to truncate arrays, bytes, and string to (default: {DEFAULT_LENGTH})",

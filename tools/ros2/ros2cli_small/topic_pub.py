@@ -33,20 +33,14 @@ def add_parser(verbs: Any) -> None:
     parser = verbs.add_parser("pub", help="Publish a message to a topic")
     parser.add_argument("topic_name", help="Name of the ROS topic to publish to (e.g. '/chatter')")
     parser.add_argument("message_type", help="Type of the ROS message (e.g. 'std_msgs/msg/String')")
-    parser.add_argument(
-        "values", nargs="?", default="{}", help="Values to fill the message with in YAML format"
-    )
-    parser.add_argument(
-        "-r", "--rate", metavar="N", type=positive_float, default=1.0, help="Publishing rate in Hz"
-    )
+    parser.add_argument("values", nargs="?", default="{}", help="Values to fill the message with in YAML format")
+    parser.add_argument("-r", "--rate", metavar="N", type=positive_float, default=1.0, help="Publishing rate in Hz")
     parser.add_argument(
         "-p", "--print", metavar="N", type=int, default=1, help="Only print every N-th published message"
     )
     group = parser.add_mutually_exclusive_group()
     group.add_argument("-1", "--once", action="store_true", help="Publish one message and exit")
-    group.add_argument(
-        "-t", "--times", type=nonnegative_int, default=0, help="Publish this number of times and exit"
-    )
+    group.add_argument("-t", "--times", type=nonnegative_int, default=0, help="Publish this number of times and exit")
     parser.add_argument(
         "-w", "--wait-matching-subscriptions", type=nonnegative_int, default=None,
         help='Wait until finding the specified number of matching subscriptions. '

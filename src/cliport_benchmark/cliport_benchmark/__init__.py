@@ -1,0 +1,1 @@
+"""The benchmark: data generation and evaluation in the simulator."""

@@ -1,0 +1,75 @@
+"""Carries out a pick and place with the simulated arm, through the executor's library."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from cliport_benchmark.observer import Observer
+from cliport_benchmark.sim_arm import SimArmPort, SimGripperPort, SimMotion
+from cliport_perception import PlanarPose
+from panda_executor.config import ExecutorConfig
+from panda_executor.model import PandaModel
+from panda_executor.request import Phase, PickPlaceRequest, PickPlaceResult
+from panda_executor.runner import PickPlaceRunner
+from panda_executor.transfer import TransferPlanner
+from sim_bridge.camera import RgbdFrame
+from sim_bridge.panda import READY_POSITIONS
+from sim_bridge.world import SimWorld
+
+_NO_LIMIT = 600.0  # [s]
+_HOME_TOLERANCE = 0.02  # [rad]
+_REST = 0.1  # after an action, before the world is judged to be still [s]
+
+
+class ArmHand:
+    """The arm of one world. Deterministic: the same world and requests give the same motions."""
+
+    def __init__(self, world: SimWorld, observer: Observer) -> None:
+        self._world = world
+        self._observer = observer
+        self._motion = SimMotion(world)
+        config, model = _executor_config(), PandaModel()
+        self._runner = PickPlaceRunner(
+            model,
+            TransferPlanner(model, config),
+            SimArmPort(self._motion),
+            SimGripperPort(self._motion),
+            config,
+        )
+
+    def new_scene(self) -> None:
+        """The world was reset: the arm is at home."""
+        self._motion.reset()
+
+    def pick_and_place(self, pick: PlanarPose, place: PlanarPose, frame: RgbdFrame) -> PickPlaceResult:
+        """Do it, with the frame's cloud for grasp height and obstacles, and let the world settle."""
+        result = self._runner.run(
+            PickPlaceRequest(pick, place),
+            self._observer.cloud(frame),
+            self._observer.workspace,
+            _ignore,
+            _never,
+        )
+        away = np.abs(self._world.panda.state().positions - np.array(READY_POSITIONS)).max()
+        if away > _HOME_TOLERANCE:  # the request ended early: clear the camera's view
+            self._runner.go_ready()
+        self._motion.rest(_REST)
+        self._world.settle()
+        return result
+
+
+def _executor_config() -> ExecutorConfig:
+    """The executor's own, but bounded by checks alone: how fast the machine is must not change a score."""
+    config = ExecutorConfig()
+    search = replace(config.search, time_limit=_NO_LIMIT)
+    return replace(config, search=search, planning_time=_NO_LIMIT)
+
+
+def _ignore(phase: Phase, progress: float) -> None:
+    """Feedback nobody asked for."""
+
+
+def _never() -> bool:
+    return False

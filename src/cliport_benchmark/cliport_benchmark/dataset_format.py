@@ -1,0 +1,189 @@
+"""The data set on disk: meta.json beside part-NNNNN.parquet files, a row an observation, images as PNG."""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from cliport_benchmark.errors import DataFolderError
+from cliport_perception import Heightmap, WorkspaceSpec
+
+FORMAT_VERSION = 1
+HEIGHT_UNIT = 1e-4  # of a step of height_png, which counts from the workspace's z_min [m]
+META_NAME = "meta.json"
+
+DEMO_TYPE = pa.struct(
+    [
+        ("instruction", pa.string()),
+        ("block", pa.string()),
+        ("bowl", pa.string()),
+        ("done", pa.bool_()),
+        ("pick_row", pa.int32()),
+        ("pick_col", pa.int32()),
+        ("pick_yaw", pa.float32()),
+        ("pick_yaw_period", pa.float32()),
+        ("place_row", pa.int32()),
+        ("place_col", pa.int32()),
+        ("place_yaw", pa.float32()),
+    ]
+)
+SCHEMA = pa.schema(
+    [
+        ("episode", pa.int64()),
+        ("seed", pa.int64()),
+        ("step", pa.int32()),
+        ("color_png", pa.binary()),
+        ("height_png", pa.binary()),
+        ("valid_png", pa.binary()),
+        ("demos", pa.list_(DEMO_TYPE)),
+    ]
+)
+
+
+@dataclass(frozen=True)
+class Demo:
+    """What an expert does in one observation for one goal; yaws in rad, pixels -1 when `done`."""
+
+    instruction: str
+    block: str
+    bowl: str
+    done: bool
+    pick_row: int = -1
+    pick_col: int = -1
+    pick_yaw: float = 0.0
+    pick_yaw_period: float = 0.0
+    place_row: int = -1
+    place_col: int = -1
+    place_yaw: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Row:
+    """One observation; demos[0] is the episode's own goal."""
+
+    episode: int
+    seed: int
+    step: int
+    heightmap: Heightmap
+    demos: tuple[Demo, ...]
+
+
+def part_path(folder: Path, index: int) -> Path:
+    """The file of a part."""
+    return folder / f"part-{index:05d}.parquet"
+
+
+def write_part(path: Path, rows: list[Row]) -> None:
+    """Write rows under a temporary name, then move them into place, so that a part is whole or absent."""
+    columns: dict[str, list[Any]] = {name: [] for name in SCHEMA.names}
+    for row in rows:
+        color, height, valid = encode_heightmap(row.heightmap)
+        values = (row.episode, row.seed, row.step, color, height, valid, [asdict(d) for d in row.demos])
+        for name, value in zip(SCHEMA.names, values, strict=True):
+            columns[name].append(value)
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        pq.write_table(pa.table(columns, schema=SCHEMA), temporary, compression="none")
+        temporary.replace(path)
+    except OSError as error:
+        raise DataFolderError(f"cannot write {path}: {error.strerror or error}") from error
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def read_part(path: Path, workspace: WorkspaceSpec) -> list[Row]:
+    """The rows of a part.
+
+    Raises:
+        DataFolderError: when the file is absent or not a part.
+    """
+    try:
+        records = pq.read_table(path, schema=SCHEMA).to_pylist()
+    except (OSError, pa.ArrowException) as error:
+        reason = str(error).splitlines()[0]
+        raise DataFolderError(f"cannot read {path}: {reason}; generate it again") from error
+    return [
+        Row(
+            r["episode"],
+            r["seed"],
+            r["step"],
+            decode_heightmap(r["color_png"], r["height_png"], r["valid_png"], workspace),
+            tuple(Demo(**d) for d in r["demos"]),
+        )
+        for r in records
+    ]
+
+
+def encode_heightmap(heightmap: Heightmap) -> tuple[bytes, bytes, bytes]:
+    """PNGs of colour (RGB), of height (16 bit, HEIGHT_UNIT above z_min) and of validity (1 bit)."""
+    steps = np.rint((heightmap.height - heightmap.workspace.z_min) / HEIGHT_UNIT)
+    height = np.clip(steps, 0, 65535).astype(np.uint16)
+    valid = heightmap.valid.astype(np.uint8) * 255
+    return (
+        _png(cv2.cvtColor(heightmap.color, cv2.COLOR_RGB2BGR), []),
+        _png(height, []),
+        _png(valid, [cv2.IMWRITE_PNG_BILEVEL, 1]),
+    )
+
+
+def decode_heightmap(color: bytes, height: bytes, valid: bytes, workspace: WorkspaceSpec) -> Heightmap:
+    """The inverse of `encode_heightmap`, heights to within half a HEIGHT_UNIT."""
+    rgb = cv2.cvtColor(_image(color, cv2.IMREAD_COLOR), cv2.COLOR_BGR2RGB)
+    mask = _image(valid, cv2.IMREAD_GRAYSCALE) > 0
+    metres = _image(height, cv2.IMREAD_UNCHANGED).astype(np.float32) * np.float32(HEIGHT_UNIT)
+    metres = np.where(mask, metres + np.float32(workspace.z_min), np.float32(0.0)).astype(np.float32)
+    return Heightmap(rgb.astype(np.uint8), metres, mask, workspace)
+
+
+def write_json(path: Path, value: dict[str, Any]) -> None:
+    """Write JSON under a temporary name, then move it into place.
+
+    Raises:
+        DataFolderError: when the place cannot be written.
+    """
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        temporary.write_text(json.dumps(value, indent=2) + "\n")
+        temporary.replace(path)
+    except OSError as error:
+        raise DataFolderError(f"cannot write {path}: {error.strerror or error}") from error
+
+
+def read_json(path: Path) -> dict[str, Any]:
+    """A JSON object.
+
+    Raises:
+        DataFolderError: when the file is absent or no JSON object.
+    """
+    try:
+        value = json.loads(path.read_text())
+    except (OSError, ValueError) as error:
+        raise DataFolderError(f"cannot read {path}: {error}") from error
+    if not isinstance(value, dict):
+        raise DataFolderError(f"{path} holds no JSON object")
+    return value
+
+
+def _png(image: npt.NDArray[Any], options: list[int]) -> bytes:
+    done, data = cv2.imencode(".png", image, [cv2.IMWRITE_PNG_COMPRESSION, 2, *options])
+    if not done:
+        raise DataFolderError("an image could not be encoded as PNG")
+    return bytes(data)
+
+
+def _image(data: bytes, flags: int) -> npt.NDArray[Any]:
+    image = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), flags)
+    if image is None:
+        raise DataFolderError("an image in the data set is no readable PNG; generate that part again")
+    result: npt.NDArray[Any] = image
+    return result

@@ -1,0 +1,136 @@
+"""`make demo`: the whole graph does what a sentence says, watched from outside; pictures go to out/demo/."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from cliport_benchmark.errors import BenchmarkError
+from cliport_benchmark.graph_client import Ended, GraphClient
+from cliport_benchmark.graph_process import GraphProcess
+from cliport_interfaces.msg import PolicyStatus
+
+READY_TIMEOUT = 120.0
+GOAL_TIMEOUT = 200.0
+GIF_SIZE = (480, 270)
+GIF_EVERY_S = 0.4
+GIF_SPEEDUP = 2.0
+
+
+class Film:
+    """Keeps small camera frames at a fixed interval, for an animated GIF."""
+
+    def __init__(self) -> None:
+        self._frames: list[Image.Image] = []
+        self._last = -np.inf
+
+    def take(self, frame: NDArray[np.uint8]) -> None:
+        now = time.monotonic()
+        if now - self._last >= GIF_EVERY_S:
+            self._last = now
+            self._frames.append(Image.fromarray(frame).resize(GIF_SIZE).quantize(128))
+
+    def save(self, path: Path) -> None:
+        if self._frames:
+            self._frames[0].save(
+                path,
+                save_all=True,
+                append_images=self._frames[1:],
+                loop=0,
+                duration=round(1000 * GIF_EVERY_S / GIF_SPEEDUP),
+            )
+
+
+def main(argv: list[str] | None = None) -> int:
+    args = _parser().parse_args(argv)
+    out = Path(args.out)
+    start = time.monotonic()
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        score, ended = _run(args, out)
+    except (BenchmarkError, OSError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        print("error: interrupted", file=sys.stderr)
+        return 130
+    success = score >= 1.0
+    if not ended.succeeded:
+        print(f"demo: the policy ended with: {ended.message}")
+    print(
+        f"demo: {'success' if success else 'failure'} task={args.task} seed={args.seed} "
+        f"score={score:.2f} steps={ended.steps} wall_s={time.monotonic() - start:.1f}"
+    )
+    return 0 if success else 1
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="demo", description="Watch the graph do what a sentence says.")
+    parser.add_argument("--task", default="put-blocks-in-bowls-seen-colors")
+    parser.add_argument("--seed", type=int, default=3)
+    parser.add_argument("--instruction", default="")
+    parser.add_argument("--out", default="out/demo")
+    return parser
+
+
+def _run(args: argparse.Namespace, out: Path) -> tuple[float, Ended]:
+    _say(f"starting the graph (its output: {out}/graph.log)")
+    arguments = {"task": args.task, "split": "test", "seed": str(args.seed)}
+    film = Film()
+    with (
+        GraphProcess("sim.launch.yaml", arguments, out / "graph.log") as graph,
+        GraphClient("demo") as client,
+    ):
+        try:
+            client.wait_ready(READY_TIMEOUT, lambda: graph.alive)
+            sentence = client.reset(args.task, "test", args.seed, args.instruction)
+            instruction = args.instruction or sentence
+            time.sleep(1.0)  # a camera frame of the new scene
+            _save(client, "/camera/color/image_raw", out / "before.png")
+            _say(f"instruction: {instruction}")
+            client.on_status = _StatusPrinter()
+            client.on_frame = film.take
+            ended = client.instruct_and_wait(instruction, GOAL_TIMEOUT, lambda: graph.alive)
+            time.sleep(1.0)  # the last block comes to rest
+            score = client.score()
+        except BenchmarkError as error:
+            errors = [line for line in graph.log_text().splitlines() if "error" in line.lower()]
+            raise BenchmarkError(f"{error}{' | ' + errors[-1] if errors else ''} (see {graph.log_path})") from error
+        _save(client, "/camera/color/image_raw", out / "after.png")
+        _save(client, "/cliport/affordance/pick", out / "affordance_pick.png")
+        _save(client, "/cliport/affordance/place", out / "affordance_place.png")
+    film.save(out / "demo.gif")
+    _say(f"pictures in {out}/: before.png after.png affordance_pick.png affordance_place.png demo.gif")
+    return score, ended
+
+
+class _StatusPrinter:
+    """Prints each new status once."""
+
+    def __init__(self) -> None:
+        self._last = ""
+
+    def __call__(self, status: PolicyStatus) -> None:
+        if status.message != self._last:
+            self._last = status.message
+            _say(f"step {status.step}: {status.message}")
+
+
+def _save(client: GraphClient, topic: str, path: Path) -> None:
+    image = client.latest(topic)
+    if image is not None:
+        Image.fromarray(image).save(path)
+
+
+def _say(text: str) -> None:
+    print(f"demo: {text}", flush=True)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,15 @@
+"""Errors of cliport_benchmark: one root, values carried, the remedy named."""
+
+from __future__ import annotations
+
+
+class BenchmarkError(Exception):
+    """Root of everything that this package raises on purpose."""
+
+
+class OptionError(BenchmarkError):
+    """A command line option whose value cannot be used."""
+
+
+class DataFolderError(BenchmarkError):
+    """A data folder that cannot be written, read or continued."""

@@ -1,0 +1,210 @@
+"""A user of the running graph: resets the scene, says what to do, watches what happens, reads the score."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from functools import partial
+from typing import Any, NamedTuple
+
+import numpy as np
+import rclpy
+from numpy.typing import NDArray
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy, qos_profile_sensor_data
+from sensor_msgs.msg import Image, JointState
+from std_msgs.msg import String
+
+from cliport_benchmark.errors import BenchmarkError
+from cliport_interfaces.msg import PolicyStatus
+from cliport_interfaces.srv import GetScore, ResetTask
+
+LATCHED = QoSProfile(depth=20, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+ENDED = (PolicyStatus.STATE_DONE, PolicyStatus.STATE_FAILED)
+MOTION_THRESHOLD = 0.01  # rad/s
+
+
+class Ended(NamedTuple):
+    """How an instruction ended: the last status, and seconds of wall time from publishing it."""
+
+    succeeded: bool
+    message: str
+    steps: int
+    wall_s: float
+    first_motion_s: float | None
+
+
+class GraphClient:
+    """Talks to the graph through its public topics and services only. Use as a context manager."""
+
+    def __init__(self, name: str = "graph_client", domain_id: int | None = None) -> None:
+        self._context = rclpy.Context()
+        self._context.init(domain_id=domain_id)
+        self._node = rclpy.create_node(name, context=self._context)
+        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor.add_node(self._node)
+        self._condition = threading.Condition()
+        self._statuses: list[PolicyStatus] = []
+        self._latest: dict[str, Image] = {}
+        self._first_motion: float | None = None
+        self._last_motion = time.monotonic()
+        self._watch_motion = False
+        self.on_status: Callable[[PolicyStatus], None] = lambda _status: None
+        self.on_frame: Callable[[NDArray[np.uint8]], None] = lambda _frame: None
+        self._instruction = self._node.create_publisher(String, "/cliport/instruction", 5)
+        self._reset = self._node.create_client(ResetTask, "/sim_bridge/reset")
+        self._score = self._node.create_client(GetScore, "/sim_bridge/score")
+        self._node.create_subscription(PolicyStatus, "/cliport/status", self._take_status, LATCHED)
+        self._node.create_subscription(JointState, "/joint_states", self._take_joints, qos_profile_sensor_data)
+        for topic in ("/camera/color/image_raw", "/cliport/affordance/pick", "/cliport/affordance/place"):
+            take = partial(self._take_image, topic)
+            self._node.create_subscription(Image, topic, take, 2)  # reliable: large frames get lost
+        self._thread = threading.Thread(target=self._spin, daemon=True)
+        self._thread.start()
+
+    def __enter__(self) -> GraphClient:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._executor.shutdown(timeout_sec=2.0)
+        self._node.destroy_node()
+        self._context.try_shutdown()
+        self._thread.join(timeout=2.0)
+
+    def wait_ready(self, timeout: float, alive: Callable[[], bool] = lambda: True) -> None:
+        """Until the simulator's services, the policy's status and a camera image are there.
+
+        Raises BenchmarkError, naming what is missing, after timeout seconds or when alive() turns false.
+        """
+        deadline = time.monotonic() + timeout
+        while missing := self._missing():
+            if not alive():
+                raise BenchmarkError("the graph ended before it was ready")
+            if time.monotonic() > deadline:
+                raise BenchmarkError(f"the graph was not ready after {timeout:.0f} s: no {', no '.join(missing)}")
+            time.sleep(0.1)
+
+    def reset(self, task: str, split: str, seed: int, instruction: str = "", timeout: float = 30.0) -> str:
+        """Lay out a scene; the task's sentence for it. Raises BenchmarkError with the simulator's own words."""
+        request = ResetTask.Request(task=task, split=split, seed=seed, instruction=instruction)
+        response = self._call(self._reset, request, timeout)
+        if not response.success:
+            raise BenchmarkError(response.message)
+        return str(response.instruction)
+
+    def score(self, timeout: float = 10.0) -> float:
+        """The simulator's own metric for the scene as it is now, 0 to 1."""
+        response = self._call(self._score, GetScore.Request(), timeout)
+        if not response.success:
+            raise BenchmarkError(response.message)
+        return float(response.score)
+
+    def instruct(self, text: str) -> None:
+        """Publish an instruction; statuses seen before are forgotten."""
+        with self._condition:
+            self._statuses.clear()
+            self._first_motion = None
+            self._watch_motion = True
+        self._instruction.publish(String(data=text))
+
+    def instruct_and_wait(self, text: str, timeout: float, alive: Callable[[], bool] = lambda: True) -> Ended:
+        """Publish an instruction and wait until the policy says done or failed."""
+        start = time.monotonic()
+        self.instruct(text)
+        status = self.wait_status(lambda s: s.state in ENDED, timeout, alive)
+        wall = time.monotonic() - start
+        motion = None if self._first_motion is None else self._first_motion - start
+        return Ended(status.state == PolicyStatus.STATE_DONE, status.message, status.step, wall, motion)
+
+    def seconds_to_motion(self, text: str, timeout: float) -> float:
+        """Publish an instruction; seconds of wall time until a joint of the arm moves."""
+        start = time.monotonic()
+        self.instruct(text)
+        while self._first_motion is None:
+            if time.monotonic() - start > timeout:
+                raise BenchmarkError(f"the arm did not move within {timeout:.0f} s: {self._last_message()}")
+            time.sleep(0.002)
+        return self._first_motion - start
+
+    def wait_at_rest(self, timeout: float) -> None:
+        """Until no joint has moved for half a second."""
+        deadline = time.monotonic() + timeout
+        while time.monotonic() - self._last_motion < 0.5:
+            if time.monotonic() > deadline:
+                raise BenchmarkError(f"the arm still moves after {timeout:.0f} s")
+            time.sleep(0.05)
+
+    def wait_status(
+        self, wanted: Callable[[PolicyStatus], bool], timeout: float, alive: Callable[[], bool] = lambda: True
+    ) -> PolicyStatus:
+        """The first status since the last instruction that is wanted. Raises BenchmarkError after timeout."""
+        deadline = time.monotonic() + timeout
+        with self._condition:
+            while True:
+                for status in self._statuses:
+                    if wanted(status):
+                        return status
+                left = deadline - time.monotonic()
+                if left <= 0 or not alive():
+                    reason = f"no such status within {timeout:.0f} s" if left <= 0 else "the graph ended"
+                    raise BenchmarkError(f"{reason}; the last status was: {self._last_message()}")
+                self._condition.wait(min(left, 0.5))
+
+    def latest(self, topic: str) -> NDArray[np.uint8] | None:
+        """The newest rgb8 image of a topic, (rows, cols, 3)."""
+        message = self._latest.get(topic)
+        return None if message is None else _to_array(message)
+
+    def _last_message(self) -> str:
+        return self._statuses[-1].message if self._statuses else "none"
+
+    def _missing(self) -> list[str]:
+        missing = [client.srv_name for client in (self._reset, self._score) if not client.service_is_ready()]
+        if not self._statuses:
+            missing.append("/cliport/status")
+        if "/camera/color/image_raw" not in self._latest:
+            missing.append("/camera/color/image_raw")
+        if self._instruction.get_subscription_count() == 0:
+            missing.append("subscriber of /cliport/instruction")
+        return missing
+
+    def _call(self, client: Any, request: Any, timeout: float) -> Any:
+        future = client.call_async(request)
+        deadline = time.monotonic() + timeout
+        while not future.done():
+            if time.monotonic() > deadline:
+                raise BenchmarkError(f"{client.srv_name} did not answer within {timeout:.0f} s")
+            time.sleep(0.01)
+        return future.result()
+
+    def _take_status(self, message: PolicyStatus) -> None:
+        with self._condition:
+            self._statuses.append(message)
+            self._condition.notify_all()
+        self.on_status(message)
+
+    def _take_joints(self, message: JointState) -> None:
+        pairs = zip(message.name, message.velocity, strict=False)
+        if max((abs(speed) for name, speed in pairs if "finger" not in name), default=0.0) < MOTION_THRESHOLD:
+            return
+        self._last_motion = time.monotonic()
+        if self._watch_motion:
+            self._first_motion = self._last_motion
+            self._watch_motion = False
+
+    def _take_image(self, topic: str, message: Image) -> None:
+        self._latest[topic] = message
+        if topic == "/camera/color/image_raw":
+            self.on_frame(_to_array(message))
+
+    def _spin(self) -> None:
+        try:
+            self._executor.spin()
+        except Exception:
+            if self._context.ok():
+                raise
+
+
+def _to_array(message: Image) -> NDArray[np.uint8]:
+    return np.frombuffer(message.data, np.uint8).reshape(message.height, message.width, 3)

@@ -1,0 +1,72 @@
+"""Work spread over processes on one machine, ended without leftovers whatever ends it."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import threading
+from collections.abc import Callable, Generator, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from typing import TypeVar
+
+from cliport_benchmark.errors import BenchmarkError
+
+Item = TypeVar("Item")
+Result = TypeVar("Result")
+
+
+def run_parallel(
+    function: Callable[[Item], Result],
+    items: Sequence[Item],
+    processes: int,
+    set_up: Callable[[], None],
+) -> Generator[tuple[Item, Result]]:
+    """(item, function(item)) as they come; each process calls set_up once first. Both must be picklable.
+
+    Processes are spawned, with one thread each for linear algebra: those that share cores must not each start
+    a thread per core. When the caller closes the generator, is interrupted or told to terminate, they end at once.
+
+    Raises:
+        BenchmarkError: when a process died.
+    """
+    os.environ["OMP_NUM_THREADS"] = "1"
+    context = multiprocessing.get_context("spawn")
+    before = set(multiprocessing.active_children())
+    pool = ProcessPoolExecutor(
+        max(1, min(processes, len(items))), mp_context=context, initializer=_begin, initargs=(set_up,)
+    )
+    with _termination_interrupts():
+        try:
+            futures = {pool.submit(function, item): item for item in items}
+            for future in as_completed(futures):
+                yield futures[future], future.result()
+            pool.shutdown()
+        except BrokenProcessPool:
+            raise BenchmarkError("a worker process died: memory may be short, try fewer --processes") from None
+        finally:
+            pool.shutdown(wait=False, cancel_futures=True)
+            for child in set(multiprocessing.active_children()) - before:
+                child.terminate()
+                child.join(timeout=5.0)
+
+
+def _begin(set_up: Callable[[], None]) -> None:
+    """In each process: an interrupt is the parent's to handle."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    set_up()
+
+
+@contextmanager
+def _termination_interrupts() -> Iterator[None]:
+    """While it lasts SIGTERM ends this process as Ctrl-C does, so that its children end too."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    kept = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, kept)

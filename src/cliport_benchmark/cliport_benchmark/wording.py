@@ -1,0 +1,72 @@
+"""Sentences of an evaluation: the task's own, or new phrasings and colour words that training never saw."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from cliport_benchmark.errors import OptionError
+from sim_bridge.colors import COLORS
+from sim_bridge.tasks import ColorGoal
+
+_SLOTS = ("{block}", "{bowl}")
+
+
+@dataclass(frozen=True)
+class Wording:
+    """patterns: with {block} and {bowl}, episode i gets pattern i mod n; none: the task's own sentence.
+
+    synonyms: colour names of the benchmark and the words to say instead.
+    """
+
+    patterns: tuple[str, ...] = ()
+    synonyms: dict[str, str] = field(default_factory=dict)
+
+    def sentence(self, goal: ColorGoal, index: int) -> str:
+        """What to say for a goal in the episode of that index."""
+        own = "put the {block} blocks in a {bowl} bowl"
+        pattern = self.patterns[index % len(self.patterns)] if self.patterns else own
+        block, bowl = (self.synonyms.get(color, color) for color in (goal.block, goal.bowl))
+        return pattern.replace("{block}", block).replace("{bowl}", bowl)
+
+
+def load_patterns(path: Path) -> tuple[str, ...]:
+    """Patterns, one a line; empty lines and lines that begin with # are skipped.
+
+    Raises:
+        OptionError: when the file cannot be read, has no pattern, or a pattern lacks a slot.
+    """
+    patterns = _lines(path, "--phrasings")
+    for number, pattern in patterns:
+        missing = [slot for slot in _SLOTS if slot not in pattern]
+        if missing:
+            raise OptionError(f"{path}, line {number}: the pattern lacks {' and '.join(missing)}")
+    return tuple(pattern for _, pattern in patterns)
+
+
+def load_synonyms(path: Path) -> dict[str, str]:
+    """Lines `colour = word`; empty lines and lines that begin with # are skipped.
+
+    Raises:
+        OptionError: when the file cannot be read, has no line, or one does not name a known colour.
+    """
+    synonyms = {}
+    for number, line in _lines(path, "--synonyms"):
+        color, _, word = (part.strip() for part in line.partition("="))
+        if color not in COLORS or not word:
+            raise OptionError(f"{path}, line {number}: write 'colour = word' with one of {', '.join(COLORS)}")
+        synonyms[color] = word
+    return synonyms
+
+
+def _lines(path: Path, option: str) -> list[tuple[int, str]]:
+    """The numbered lines that say something."""
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise OptionError(f"cannot read {option} {path}: {error}") from error
+    numbered = [(number, line.strip()) for number, line in enumerate(text.splitlines(), start=1)]
+    lines = [(number, line) for number, line in numbered if line and not line.startswith("#")]
+    if not lines:
+        raise OptionError(f"{option} {path} says nothing: it has only empty lines and comments")
+    return lines

@@ -1,0 +1,30 @@
+from setuptools import find_packages, setup
+
+package_name = "cliport_benchmark"
+
+setup(
+    name=package_name,
+    version="0.1.0",
+    packages=find_packages(exclude=["test"]),
+    package_data={package_name: ["py.typed", "phrasings/*.txt"]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", ["resource/" + package_name]),
+        ("share/" + package_name, ["package.xml"]),
+    ],
+    install_requires=["setuptools"],
+    zip_safe=True,
+    maintainer="CLIPort ROS maintainers",
+    maintainer_email="maintainers@cliport-ros.invalid",
+    description="Data generation and evaluation of CLIPort's benchmark in the simulator.",
+    license="Apache-2.0",
+    tests_require=["pytest"],
+    entry_points={
+        "console_scripts": [
+            "generate = cliport_benchmark.generate_cli:main",
+            "evaluate = cliport_benchmark.evaluate_cli:main",
+            "evaluate_graph = cliport_benchmark.evaluate_graph:main",
+            "demo = cliport_benchmark.demo:main",
+            "bench = cliport_benchmark.bench:main",
+        ]
+    },
+)

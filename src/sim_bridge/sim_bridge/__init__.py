@@ -1,0 +1,1 @@
+"""The simulator: PyBullet world, camera, arm controllers, and the benchmark's tasks."""

@@ -1,0 +1,102 @@
+"""What an arm can do: limits of its joints, and the reflexes with which it refuses commands that jump."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from sim_bridge.trajectory_spline import Array, TrajectorySpline
+
+
+class JointStates(Protocol):
+    """Measured joints in the controller's order: positions (7,) [rad], velocities (7,) [rad/s]."""
+
+    @property
+    def positions(self) -> Array: ...
+
+    @property
+    def velocities(self) -> Array: ...
+
+
+@dataclass(frozen=True)
+class ArmControllerConfig:
+    """Limits of the arm (the Panda's datasheet) and default tolerances; angles in rad, speeds in rad/s.
+
+    A tolerance of 0 is not checked. The two `..._jump` values are what an arm's reflex allows between what it
+    does and what it is told to do next.
+    """
+
+    joint_names: tuple[str, ...] = tuple(f"panda_joint{i}" for i in range(1, 8))
+    lower: tuple[float, ...] = (-2.8973, -1.7628, -2.8973, -3.0718, -2.8973, -0.0175, -2.8973)
+    upper: tuple[float, ...] = (2.8973, 1.7628, 2.8973, -0.0698, 2.8973, 3.7525, 2.8973)
+    velocity: tuple[float, ...] = (2.175,) * 4 + (2.61,) * 3
+    acceleration: tuple[float, ...] = (15.0, 7.5, 10.0, 12.5, 15.0, 20.0, 20.0)
+    path_tolerance: float = 0.2
+    goal_tolerance: float = 0.01
+    stopped_velocity: float = 0.05
+    position_jump: float = 0.02
+    velocity_jump: float = 0.1
+    max_brake_s: float = 0.25
+
+
+@dataclass(frozen=True)
+class JointCommand:
+    """Desired positions (7,) [rad], velocities (7,) [rad/s] and accelerations (7,) [rad/s^2]."""
+
+    positions: Array
+    velocities: Array
+    accelerations: Array
+
+
+def reflex_fault(
+    spline: TrajectorySpline,
+    time: float,
+    state: JointStates,
+    command: JointCommand,
+    config: ArmControllerConfig,
+) -> str | None:
+    """Say what a real arm's reflex objects to in following `spline` from `time` [s] on; None when nothing.
+
+    `state` is what the arm does, `command` what it was last told.
+    """
+    first, velocity, _ = spline.sample(time)
+    times, positions, velocities = spline.sweep(0.01)
+    jumps = np.abs(np.diff(velocities, axis=0, append=np.zeros((1, first.size))))
+    jumps[:-1][np.diff(times) > 0.0] = 0.0  # only where two segments meet, and at the end
+    checks = (
+        (
+            "the first point is {:.3f} rad from {} (limit {:g})",
+            np.abs(first - state.positions),
+            config.position_jump,
+        ),
+        (
+            "the start jumps by {:.2f} rad/s at {} (limit {:g})",
+            np.abs(velocity - command.velocities),
+            config.velocity_jump,
+        ),
+        ("the speed jumps by {:.2f} rad/s at {} (limit {:g})", jumps.max(axis=0), config.velocity_jump),
+        (
+            "a position is {:.3f} rad beyond the upper limit of {}",
+            (positions - config.upper).max(axis=0),
+            1e-6,
+        ),
+        (
+            "a position is {:.3f} rad beyond the lower limit of {}",
+            (config.lower - positions).max(axis=0),
+            1e-6,
+        ),
+        ("the speed is {:.2f} times the limit of {}", np.abs(velocities / config.velocity).max(axis=0), 1.01),
+    )
+    for text, values, limit in checks:
+        joint = int(np.argmax(values))
+        if values[joint] > limit:
+            return text.format(values[joint], config.joint_names[joint], limit)
+    return None
+
+
+def at_rest(positions: Array) -> JointCommand:
+    """Return the command that stays at `positions` (7,) [rad]."""
+    zeros = np.zeros(len(positions))
+    return JointCommand(np.array(positions, dtype=float), zeros, zeros)

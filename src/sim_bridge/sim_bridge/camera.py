@@ -1,0 +1,166 @@
+"""The simulated RGB-D camera: like a Kinect-2 on a tripod opposite the robot, with its imperfections."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from cliport_perception import CameraModel, Pose
+from sim_bridge.appearance import Appearance
+from sim_bridge.image_window import ImageWindow
+from sim_bridge.renderer import CleanFrame, Renderer
+from sim_bridge.visible import Visible
+
+OPTICAL_FRAME = "camera_color_optical_frame"
+
+
+@dataclass(frozen=True)
+class NoiseConfig:
+    """Imperfections of the sensor; all zero (see `none`) gives perfect images.
+
+    color_sigma: of a channel, on the 0..255 scale. depth_sigma: of depth at 1 m, growing with its square [m].
+    edge_step: depth is lost beside steps larger than this [m]; edge_loss: with this probability.
+    min_facing: depth is lost where the cosine of the angle to the surface's normal is smaller.
+    loss: share of pixels without depth anywhere.
+    """
+
+    color_sigma: float = 3.0
+    depth_sigma: float = 0.0015
+    edge_step: float = 0.015
+    edge_loss: float = 0.7
+    min_facing: float = 0.15
+    loss: float = 0.002
+
+    @classmethod
+    def none(cls) -> NoiseConfig:
+        """A perfect sensor."""
+        return cls(0.0, 0.0, np.inf, 0.0, 0.0, 0.0)
+
+
+def default_intrinsics() -> CameraModel:
+    """Kinect-2's quarter-HD format."""
+    return CameraModel(960, 540, 540.0, 540.0, 480.0, 270.0)
+
+
+def default_camera_in_base() -> Pose:
+    """About 60 degrees below horizontal, opposite the robot: up in the image points towards the robot."""
+    return Pose.looking_at((0.92, 0.0, 0.87), (0.45, 0.0, 0.0))
+
+
+@dataclass(frozen=True)
+class CameraConfig:
+    """Intrinsics, pose of the optical frame (z forward) in the base frame, noise and light."""
+
+    intrinsics: CameraModel = field(default_factory=default_intrinsics)
+    camera_in_base: Pose = field(default_factory=default_camera_in_base)
+    noise: NoiseConfig = field(default_factory=NoiseConfig)
+    appearance: Appearance = field(default_factory=Appearance)
+    window: ImageWindow | None = None  # the part that is rendered, the rest stays empty; None: all
+    n_threads: int = 0  # 0: every core
+
+
+@dataclass(frozen=True, eq=False)
+class RgbdFrame:
+    """color (H, W, 3) uint8 RGB; depth (H, W) float32 [m] along z, NaN where unknown; simulated time [s]."""
+
+    color: npt.NDArray[np.uint8]
+    depth: npt.NDArray[np.float32]
+    time: float
+
+
+class SimCamera:
+    """Takes noisy RGB-D frames of a world."""
+
+    def __init__(self, config: CameraConfig | None = None) -> None:
+        self.config = config or CameraConfig()
+        self._window = self.config.window or ImageWindow.whole(self.config.intrinsics)
+        self._renderer = Renderer(self.config.intrinsics, self._window, self.config.n_threads)
+
+    @property
+    def intrinsics(self) -> CameraModel:
+        """The camera's model."""
+        return self.config.intrinsics
+
+    @property
+    def camera_in_base(self) -> Pose:
+        """Where calibration says that the optical frame is."""
+        return self.config.camera_in_base
+
+    def capture(
+        self,
+        world: Visible,
+        rng: np.random.Generator,
+        appearance: Appearance | None = None,
+        true_camera_in_base: Pose | None = None,
+    ) -> RgbdFrame:
+        """A frame of the world as it is now; rng draws the noise.
+
+        appearance, true_camera_in_base: light and true mounting of this frame; as configured by default.
+        """
+        clean = self._renderer.render(
+            world, true_camera_in_base or self.camera_in_base, appearance or self.config.appearance
+        )
+        color, depth = _with_noise(clean, self.config.noise, rng)
+        return RgbdFrame(*self._in_full_frame(color, depth), world.time)
+
+    def _in_full_frame(
+        self, color: npt.NDArray[np.uint8], depth: npt.NDArray[np.float32]
+    ) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.float32]]:
+        height, width = self.intrinsics.height, self.intrinsics.width
+        if depth.shape == (height, width):
+            return color, depth
+        full_color = np.zeros((height, width, 3), dtype=np.uint8)
+        full_depth = np.full((height, width), np.nan, dtype=np.float32)
+        full_color[self._window.slices] = color
+        full_depth[self._window.slices] = depth
+        return full_color, full_depth
+
+
+def _with_noise(
+    clean: CleanFrame, noise: NoiseConfig, rng: np.random.Generator
+) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.float32]]:
+    """Noisy colour, and noisy depth with NaN where it is lost."""
+    color, depth = clean.color, np.where(np.isfinite(clean.depth), clean.depth, np.float32(np.nan))
+    if noise.color_sigma > 0.0:
+        grain = rng.standard_normal(color.shape, dtype=np.float32)
+        grain *= np.float32(noise.color_sigma)
+        grain += color
+        np.clip(np.rint(grain, out=grain), 0, 255, out=grain)
+        color = grain.astype(np.uint8)
+    lost = clean.facing < noise.min_facing
+    if noise.edge_loss > 0.0:
+        edge = _edges(depth, noise.edge_step)
+        lost |= edge & (rng.random(edge.shape, dtype=np.float32) < noise.edge_loss)
+    if noise.loss > 0.0:
+        lost |= rng.random(lost.shape, dtype=np.float32) < noise.loss
+    if noise.depth_sigma > 0.0:
+        jitter = rng.standard_normal(depth.shape, dtype=np.float32)
+        depth += jitter * np.float32(noise.depth_sigma) * depth**2
+    depth[lost] = np.nan
+    return color, depth
+
+
+def _edges(depth: npt.NDArray[np.float32], step: float) -> npt.NDArray[np.bool_]:
+    """Pixels on either side of a depth step, or beside nothing."""
+    known = np.where(np.isnan(depth), np.float32(1e3), depth)
+    edge = np.zeros(depth.shape, dtype=bool)
+    down = np.abs(np.diff(known, axis=0)) > step
+    right = np.abs(np.diff(known, axis=1)) > step
+    edge[:-1] |= down
+    edge[1:] |= down
+    edge[:, :-1] |= right
+    edge[:, 1:] |= right
+    return edge
+
+
+def mounting_error(
+    camera_in_base: Pose, rng: np.random.Generator, shift_sigma: float = 0.0015, turn_sigma: float = 0.0015
+) -> Pose:
+    """Where the camera truly is when calibration is off by a little: sigmas in m and rad per axis."""
+    error = Pose.from_xyz_rpy((0.0, 0.0, 0.0), rng.normal(0.0, turn_sigma, 3))
+    return Pose(
+        error.rotation @ camera_in_base.rotation,
+        camera_in_base.translation + rng.normal(0.0, shift_sigma, 3),
+    )

@@ -1,0 +1,35 @@
+"""The benchmark's eleven colours and its two palettes (task specification, section 2)."""
+
+from __future__ import annotations
+
+from sim_bridge.errors import UnknownNameError
+
+Rgb = tuple[int, int, int]
+
+# the order matters: distractors take their colours in it
+COLORS: dict[str, Rgb] = {
+    "blue": (78, 121, 167),
+    "red": (255, 87, 89),
+    "green": (89, 169, 79),
+    "orange": (242, 142, 43),
+    "yellow": (237, 201, 72),
+    "purple": (176, 122, 161),
+    "pink": (255, 157, 167),
+    "cyan": (118, 183, 178),
+    "brown": (156, 117, 95),
+    "white": (255, 255, 255),
+    "gray": (186, 176, 172),
+}
+SEEN_PALETTE = ("blue", "red", "green", "yellow", "brown", "gray", "cyan")
+UNSEEN_PALETTE = ("blue", "red", "green", "orange", "purple", "pink", "white")
+
+
+def rgb(name: str) -> Rgb:
+    """0..255 RGB of a colour name.
+
+    Raises:
+        UnknownNameError: when the benchmark has no such colour.
+    """
+    if name not in COLORS:
+        raise UnknownNameError("colour", name, COLORS)
+    return COLORS[name]

@@ -1,0 +1,46 @@
+"""The controllers of the arm and of the hand, for whoever steps a world."""
+
+from sim_bridge.arm_reflex import ArmControllerConfig, JointCommand
+from sim_bridge.goal_status import GoalStatus
+from sim_bridge.gripper_controller import (
+    GripperCommand,
+    GripperConfig,
+    GripperController,
+    GripperExecution,
+    GripperGoal,
+    GripperGoalError,
+    GripperResult,
+)
+from sim_bridge.joint_trajectory_controller import (
+    JointTrajectoryController,
+    TrajectoryExecution,
+    TrajectoryFeedback,
+)
+from sim_bridge.trajectory_goal import (
+    ErrorCode,
+    GoalRejectedError,
+    JointTolerance,
+    TrajectoryGoal,
+    TrajectoryPoint,
+)
+
+__all__ = [
+    "ArmControllerConfig",
+    "ErrorCode",
+    "GoalRejectedError",
+    "GoalStatus",
+    "GripperCommand",
+    "GripperConfig",
+    "GripperController",
+    "GripperExecution",
+    "GripperGoal",
+    "GripperGoalError",
+    "GripperResult",
+    "JointCommand",
+    "JointTolerance",
+    "JointTrajectoryController",
+    "TrajectoryExecution",
+    "TrajectoryFeedback",
+    "TrajectoryGoal",
+    "TrajectoryPoint",
+]

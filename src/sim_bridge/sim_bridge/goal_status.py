@@ -1,0 +1,20 @@
+"""Where an action goal stands."""
+
+from __future__ import annotations
+
+from enum import Enum
+
+
+class GoalStatus(Enum):
+    """States of a goal that a controller has taken. CANCELING lasts while the arm brakes."""
+
+    EXECUTING = "executing"
+    CANCELING = "canceling"
+    SUCCEEDED = "succeeded"
+    CANCELED = "canceled"
+    ABORTED = "aborted"
+
+    @property
+    def final(self) -> bool:
+        """Whether the goal has ended."""
+        return self not in (GoalStatus.EXECUTING, GoalStatus.CANCELING)

@@ -1,0 +1,141 @@
+"""The simulator as a ROS 2 node: the interfaces of a real arm and camera, and services to set a scene."""
+
+from __future__ import annotations
+
+import signal
+import sys
+import threading
+import time
+from contextlib import suppress
+from typing import Any
+
+import rclpy
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
+from rclpy.clock import Clock, ClockType
+from rclpy.executors import MultiThreadedExecutor
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+from std_msgs.msg import Empty
+
+from sim_bridge.camera import CameraConfig, SimCamera
+from sim_bridge.errors import SimBridgeError
+from sim_bridge.gripper_controller import GripperConfig, GripperController
+from sim_bridge.heartbeat import HeartbeatWatchdog
+from sim_bridge.joint_trajectory_controller import JointTrajectoryController
+from sim_bridge.node_camera import CameraPublisher
+from sim_bridge.node_controllers import ArmAction, GripperAction
+from sim_bridge.node_faults import FaultInjection
+from sim_bridge.node_parameters import SimParameters, declare_parameters
+from sim_bridge.node_services import SceneServices
+from sim_bridge.node_state import StatePublisher
+from sim_bridge.pacing import RealTimePacer
+from sim_bridge.sim_loop import SimLoop
+from sim_bridge.trajectory_log import TrajectoryLog
+from sim_bridge.world import SimWorld
+
+
+class SimNode(Node):  # type: ignore[misc]
+    """Joins a simulation loop to its topics, actions and services."""
+
+    def __init__(self, on_failure: Any) -> None:
+        """Make the world and its first scene. Raises SimBridgeError for parameters that cannot be used."""
+        super().__init__("sim_bridge")
+        parameters, noise = declare_parameters(self)
+        log = TrajectoryLog(parameters.trajectory_log)
+        world = SimWorld()
+        self._world = world
+        task = world.reset(parameters.task, parameters.split, parameters.seed, parameters.instruction)
+        camera = SimCamera(CameraConfig(noise=noise, n_threads=parameters.render_threads))
+        self.loop = SimLoop(
+            world,
+            JointTrajectoryController(),
+            GripperController(_gripper_config(parameters)),
+            RealTimePacer(world.dt, parameters.real_time_factor),
+            on_failure,
+        )
+        faults = FaultInjection(self, self.loop)
+        self._state = StatePublisher(self, self.loop, camera, parameters)
+        self._camera = CameraPublisher(self, self.loop, camera, faults, parameters.camera_rate, parameters.camera_frame)
+        self._arm = ArmAction(self, self.loop, parameters.arm_action, faults, log)
+        self._gripper = GripperAction(self, self.loop, parameters.gripper_action)
+        self._scenes = SceneServices(self, self.loop, parameters.seed)
+        self._watch(parameters)
+        self.loop.start()
+        self._camera.start()
+        self.get_logger().info(f"scene: {task.name} {task.split.value} {parameters.seed}: {task.instruction}")
+
+    def close(self) -> None:
+        """End the threads, then the world."""
+        self.loop.stop()
+        self._camera.stop()
+        self._world.close()
+
+    def _watch(self, parameters: SimParameters) -> None:
+        """Hold the arm when the one who drives it falls silent."""
+        self._watchdog = HeartbeatWatchdog(parameters.heartbeat_timeout)
+        group = MutuallyExclusiveCallbackGroup()
+        self.create_subscription(
+            Empty, parameters.heartbeat_topic, lambda _: self._watchdog.beat(), 10, callback_group=group
+        )
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(self._watchdog.period, self._check_heartbeat, callback_group=group, clock=steady)
+
+    def _check_heartbeat(self) -> None:
+        loop = self.loop
+        moving = loop.arm.active is not None or loop.gripper.active is not None
+        if not self._watchdog.tick(time.monotonic(), moving):
+            return
+        reason = f"heartbeat lost: nothing from the executor for {self._watchdog.timeout:g} s"
+        self.get_logger().error(f"{reason}; the arm holds")
+
+        def hold() -> None:
+            loop.arm.hold(reason)
+            loop.gripper.hold(reason)
+
+        with suppress(SimBridgeError):  # the loop has ended: nothing moves any more
+            loop.call(hold)
+
+
+def _gripper_config(parameters: SimParameters) -> GripperConfig:
+    return GripperConfig(
+        epsilon_inner=parameters.grasp_epsilon_inner,
+        epsilon_outer=parameters.grasp_epsilon_outer,
+        franka_quirks=parameters.franka_quirks,
+    )
+
+
+def main(args: list[str] | None = None) -> int:
+    """Run until SIGINT or SIGTERM; 0 then, 1 when the node cannot start or its simulation fails."""
+    stop = threading.Event()
+    failures: list[BaseException] = []
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: stop.set())
+
+    def fail(error: BaseException) -> None:
+        failures.append(error)
+        stop.set()
+
+    try:
+        rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+        node = SimNode(fail)
+    except (SimBridgeError, RuntimeError, ValueError) as error:
+        print(f"error: {' '.join(str(error).split())}", file=sys.stderr)
+        rclpy.try_shutdown()
+        return 1
+    executor = MultiThreadedExecutor(num_threads=6)
+    executor.add_node(node)
+    spinner = threading.Thread(target=executor.spin, name="ros", daemon=True)
+    spinner.start()
+    stop.wait()
+    node.close()
+    executor.shutdown(timeout_sec=2.0)
+    spinner.join(timeout=2.0)
+    node.destroy_node()
+    rclpy.try_shutdown()
+    for failure in failures:
+        print(f"error: the simulation failed: {failure}", file=sys.stderr)
+    return 1 if failures else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

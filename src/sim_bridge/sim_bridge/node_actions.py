@@ -1,0 +1,116 @@
+"""An action server in front of a controller that a simulation loop runs."""
+
+from __future__ import annotations
+
+import time
+from abc import ABC, abstractmethod
+from typing import TYPE_CHECKING, Any
+
+from rclpy.action import ActionServer, CancelResponse, GoalResponse
+from rclpy.callback_groups import ReentrantCallbackGroup
+
+from sim_bridge.errors import SimBridgeError
+from sim_bridge.goal_status import GoalStatus
+from sim_bridge.joint_trajectory_controller import TrajectoryExecution
+from sim_bridge.sim_loop import Execution, SimLoop
+
+if TYPE_CHECKING:
+    from rclpy.action.server import ServerGoalHandle
+    from rclpy.node import Node
+
+FEEDBACK_PERIOD_S = 0.08  # wall time
+
+
+class ControllerAction(ABC):
+    """One action server; subclasses say how its goals reach their controller.
+
+    A goal that the controller refuses is rejected, with the reason in the log. The rest is the controller's
+    doing: this class starts, cancels, reports and ends.
+    """
+
+    def __init__(self, node: Node, loop: SimLoop, action_type: Any, name: str) -> None:
+        self._loop = loop
+        self._name = name
+        self._logger = node.get_logger()
+        self._executions: dict[bytes, Execution] = {}
+        self._server = ActionServer(
+            node,
+            action_type,
+            name,
+            execute_callback=self._execute,
+            goal_callback=self._accept,
+            cancel_callback=self._cancel,
+            callback_group=ReentrantCallbackGroup(),
+        )
+
+    @abstractmethod
+    def _check(self, request: Any) -> None:
+        """Raise SimBridgeError unless the controller would take the goal; on the loop's thread."""
+
+    @abstractmethod
+    def _start(self, request: Any) -> Execution:
+        """Hand the goal to the controller, or raise SimBridgeError; on the loop's thread."""
+
+    @abstractmethod
+    def _cancel_now(self, execution: Any) -> None:
+        """Cancel the execution if it still runs; on the loop's thread."""
+
+    @abstractmethod
+    def _feedback(self) -> Any | None:
+        """Feedback message of now; on the loop's thread."""
+
+    @abstractmethod
+    def _result(self, execution: Any | None, message: str = "") -> Any:
+        """Result message of an execution that ended, or of a goal that was not even started."""
+
+    def _accept(self, request: Any) -> GoalResponse:
+        try:
+            self._loop.call(lambda: self._check(request))
+        except SimBridgeError as error:
+            self._logger.warning(f"{self._name}: goal rejected: {error}")
+            return GoalResponse.REJECT
+        return GoalResponse.ACCEPT
+
+    def _cancel(self, handle: ServerGoalHandle) -> CancelResponse:
+        execution = self._executions.get(bytes(handle.goal_id.uuid))
+        if execution is not None:
+            self._loop.call(lambda: self._cancel_now(execution))
+        return CancelResponse.ACCEPT
+
+    def _execute(self, handle: ServerGoalHandle) -> Any:
+        try:
+            execution = self._loop.call(lambda: self._start(handle.request))
+        except SimBridgeError as error:
+            self._logger.warning(f"{self._name}: goal aborted: {error}")
+            handle.abort()
+            return self._result(None, str(error))
+        key = bytes(handle.goal_id.uuid)
+        self._executions[key] = execution
+        try:
+            if handle.is_cancel_requested:  # it came while the goal was being started
+                self._loop.call(lambda: self._cancel_now(execution))
+            while not self._loop.wait(execution, FEEDBACK_PERIOD_S):
+                feedback = self._loop.call(self._feedback)
+                if feedback is not None:
+                    handle.publish_feedback(feedback)
+            self._end(handle, execution)
+        finally:
+            self._executions.pop(key, None)
+        return self._result(execution)
+
+    def _end(self, handle: ServerGoalHandle, execution: Execution) -> None:
+        if execution.status is GoalStatus.SUCCEEDED:
+            handle.succeed()
+            return
+        deadline = time.monotonic() + 1.0
+        while execution.status is GoalStatus.CANCELED and time.monotonic() < deadline:
+            if handle.is_cancel_requested:  # the handle learns of it only after `_cancel` returned
+                handle.canceled()
+                return
+            time.sleep(0.005)
+        self._logger.warning(f"{self._name}: goal aborted: {_reason(execution)}")
+        handle.abort()
+
+
+def _reason(execution: Execution) -> str:
+    return execution.error_string if isinstance(execution, TrajectoryExecution) else execution.message

@@ -1,0 +1,78 @@
+"""The action servers of the arm and of the hand."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from control_msgs.action import FollowJointTrajectory, GripperCommand
+
+from sim_bridge import conversions
+from sim_bridge.gripper_controller import GripperExecution, GripperResult
+from sim_bridge.joint_trajectory_controller import TrajectoryExecution
+from sim_bridge.node_actions import ControllerAction
+from sim_bridge.node_faults import FaultInjection
+from sim_bridge.sim_loop import SimLoop
+from sim_bridge.trajectory_goal import ErrorCode, validate_goal
+from sim_bridge.trajectory_log import TrajectoryLog
+
+if TYPE_CHECKING:
+    from rclpy.node import Node
+
+
+class ArmAction(ControllerAction):
+    """FollowJointTrajectory in front of the arm's controller."""
+
+    def __init__(self, node: Node, loop: SimLoop, name: str, faults: FaultInjection, log: TrajectoryLog) -> None:
+        self._faults = faults
+        self._log = log
+        super().__init__(node, loop, FollowJointTrajectory, name)
+
+    def _check(self, request: FollowJointTrajectory.Goal) -> None:
+        goal = conversions.trajectory_goal_from_msg(request)
+        validate_goal(goal, self._loop.arm.config.joint_names, self._loop.world.time)
+
+    def _start(self, request: FollowJointTrajectory.Goal) -> TrajectoryExecution:
+        goal, now = conversions.trajectory_goal_from_msg(request), self._loop.world.time
+        execution = self._loop.arm.start(goal, now)
+        self._log.append(goal, now)
+        self._faults.started(execution, now)
+        return execution
+
+    def _cancel_now(self, execution: TrajectoryExecution) -> None:
+        if self._loop.arm.active is execution:
+            self._loop.arm.cancel()
+
+    def _feedback(self) -> FollowJointTrajectory.Feedback | None:
+        feedback = self._loop.arm.feedback()
+        if feedback is None:
+            return None
+        return conversions.trajectory_feedback_to_msg(feedback, self._loop.arm.config.joint_names)
+
+    def _result(self, execution: TrajectoryExecution | None, message: str = "") -> FollowJointTrajectory.Result:
+        if execution is None:
+            return FollowJointTrajectory.Result(error_code=int(ErrorCode.INVALID_GOAL), error_string=message)
+        return conversions.trajectory_result_to_msg(execution)
+
+
+class GripperAction(ControllerAction):
+    """GripperCommand in front of the hand's controller."""
+
+    def __init__(self, node: Node, loop: SimLoop, name: str) -> None:
+        super().__init__(node, loop, GripperCommand, name)
+
+    def _check(self, request: GripperCommand.Goal) -> None:
+        self._loop.gripper.check(conversions.gripper_goal_from_msg(request))
+
+    def _start(self, request: GripperCommand.Goal) -> GripperExecution:
+        return self._loop.gripper.start(conversions.gripper_goal_from_msg(request), self._loop.world.time)
+
+    def _cancel_now(self, execution: GripperExecution) -> None:
+        if self._loop.gripper.active is execution:
+            self._loop.gripper.cancel()
+
+    def _feedback(self) -> GripperCommand.Feedback:
+        return conversions.gripper_feedback_to_msg(self._loop.gripper.feedback())
+
+    def _result(self, execution: GripperExecution | None, message: str = "") -> GripperCommand.Result:
+        result = execution.result if execution is not None else None
+        return conversions.gripper_result_to_msg(result or GripperResult(0.0, 0.0, False, False))

@@ -1,0 +1,65 @@
+"""Faults that tests switch on while the node runs, as ROS parameters."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
+from rclpy.parameter import Parameter
+
+from sim_bridge.joint_trajectory_controller import TrajectoryExecution
+from sim_bridge.sim_loop import SimLoop
+
+if TYPE_CHECKING:
+    from rclpy.node import Node
+
+ABORT_AFTER_S = 0.3
+_DESCRIPTIONS = {
+    "freeze_camera": "true: the camera publishes nothing",
+    "depth_all_nan": "true: the depth image has no valid pixel",
+    "abort_next_trajectory": "true: the next trajectory is aborted on its way; then false again",
+}
+
+
+class FaultInjection:
+    """The switches `freeze_camera`, `depth_all_nan` and `abort_next_trajectory`."""
+
+    def __init__(self, node: Node, loop: SimLoop) -> None:
+        self._node = node
+        self._loop = loop
+        self._on: dict[str, bool] = {}
+        self._victim: tuple[TrajectoryExecution, float] | None = None
+        for name, text in _DESCRIPTIONS.items():
+            value = node.declare_parameter(name, False, ParameterDescriptor(description=text)).value
+            self._on[name] = bool(value)
+        node.add_on_set_parameters_callback(self._set)
+        loop.every(0.02, self._tick)
+
+    @property
+    def camera_frozen(self) -> bool:
+        """Whether the camera publishes nothing."""
+        return self._on["freeze_camera"]
+
+    @property
+    def depth_lost(self) -> bool:
+        """Whether the depth image has no valid pixel."""
+        return self._on["depth_all_nan"]
+
+    def started(self, execution: TrajectoryExecution, time: float) -> None:
+        """A trajectory begins at simulated `time` [s]: it is the victim when one was asked for."""
+        if self._on["abort_next_trajectory"]:
+            self._victim = (execution, time + ABORT_AFTER_S)
+            self._node.set_parameters([Parameter("abort_next_trajectory", value=False)])
+
+    def _set(self, parameters: list[Parameter]) -> SetParametersResult:
+        for parameter in parameters:
+            if parameter.name in self._on:
+                self._on[parameter.name] = bool(parameter.value)
+        return SetParametersResult(successful=True)
+
+    def _tick(self, time: float, state: Any) -> None:
+        if self._victim is not None and time >= self._victim[1]:
+            execution, _ = self._victim
+            self._victim = None
+            if not execution.done:
+                self._loop.arm.hold("the controller aborted the motion (injected fault)")

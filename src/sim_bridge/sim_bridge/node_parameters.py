@@ -1,0 +1,91 @@
+"""The node's parameters: declared, checked once, and handed on as values."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, Any
+
+from rcl_interfaces.msg import ParameterDescriptor
+
+from sim_bridge.camera import NoiseConfig
+from sim_bridge.errors import SimBridgeError
+
+if TYPE_CHECKING:
+    from rclpy.node import Node
+
+
+class ParameterError(SimBridgeError):
+    """A parameter has a value that cannot be used; the message carries it and what would do."""
+
+
+@dataclass(frozen=True)
+class SimParameters:
+    """What the node is told at its start. Rates in Hz of simulated time, times in s, widths in m.
+
+    `trajectory_log` is the path of a file that gets a JSON line for each accepted trajectory; empty for none.
+    `heartbeat_timeout` is wall time. `render_threads` 0 uses every core.
+    """
+
+    task: str = "put-blocks-in-bowls-seen-colors"
+    split: str = "test"
+    seed: int = 0
+    instruction: str = ""
+    camera_rate: float = 5.0
+    joint_state_rate: float = 50.0
+    clock_rate: float = 100.0
+    real_time_factor: float = 1.0
+    heartbeat_timeout: float = 0.25
+    franka_quirks: bool = True
+    grasp_epsilon_inner: float = 0.08
+    grasp_epsilon_outer: float = 0.08
+    trajectory_log: str = ""
+    render_threads: int = 0
+    base_frame: str = "panda_link0"
+    camera_frame: str = "camera_color_optical_frame"
+    arm_action: str = "/panda_arm_controller/follow_joint_trajectory"
+    gripper_action: str = "/panda_gripper/gripper_action"
+    heartbeat_topic: str = "/panda_executor/heartbeat"
+
+    def __post_init__(self) -> None:
+        ranges = {
+            "camera_rate": (0.1, 60.0),
+            "joint_state_rate": (1.0, 240.0),
+            "clock_rate": (1.0, 240.0),
+            "real_time_factor": (0.01, 100.0),
+            "heartbeat_timeout": (0.1, 60.0),
+            "grasp_epsilon_inner": (0.0, 0.08),
+            "grasp_epsilon_outer": (0.0, 0.08),
+            "seed": (0, 2**62),
+            "render_threads": (0, 1024),
+        }
+        for name, (least, most) in ranges.items():
+            value = getattr(self, name)
+            if not least <= value <= most:
+                raise ParameterError(f"parameter {name} must be in {least:g}..{most:g}, got {value}")
+
+
+def declare_parameters(node: Node) -> tuple[SimParameters, NoiseConfig]:
+    """Declare every parameter on `node` and return the values; those of the noise are called `noise.<name>`.
+
+    Raises ParameterError for a value of the wrong kind or out of range.
+    """
+    parameters = {field.name: _declare(node, field.name, field.default) for field in fields(SimParameters)}
+    noise = {field.name: _declare(node, f"noise.{field.name}", field.default) for field in fields(NoiseConfig)}
+    for name, value in noise.items():
+        if value < 0.0:
+            raise ParameterError(f"parameter noise.{name} must be zero or positive, got {value}")
+    return SimParameters(**parameters), NoiseConfig(**noise)
+
+
+def _declare(node: Node, name: str, default: Any) -> Any:
+    """Value of a parameter, of its default's type; whole numbers do for fractions."""
+    descriptor = ParameterDescriptor(dynamic_typing=True, description=f"{type(default).__name__}; set at the start")
+    value = node.declare_parameter(name, default, descriptor).value
+    if isinstance(default, float) and isinstance(value, int) and not isinstance(value, bool):
+        value = float(value)
+    if type(value) is not type(default) or (isinstance(value, float) and math.isnan(value)):
+        raise ParameterError(
+            f"parameter {name} must be of type {type(default).__name__} (such as {default!r}), got {value!r}"
+        )
+    return value

@@ -1,0 +1,50 @@
+"""Publishes what does not need an answer: the clock, the joints and where the camera is."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+from tf2_msgs.msg import TFMessage
+
+from sim_bridge.camera import SimCamera
+from sim_bridge.conversions import joint_state_to_msg, time_to_msg, transform_to_msg
+from sim_bridge.node_parameters import SimParameters
+from sim_bridge.panda import ARM_JOINT_NAMES, FINGER_JOINT_NAMES, ArmState
+from sim_bridge.sim_loop import SimLoop
+
+if TYPE_CHECKING:
+    from rclpy.node import Node
+
+JOINT_NAMES = (*ARM_JOINT_NAMES, *FINGER_JOINT_NAMES)
+
+
+class StatePublisher:
+    """/clock and /joint_states at their rates of simulated time, /tf_static once."""
+
+    def __init__(self, node: Node, loop: SimLoop, camera: SimCamera, parameters: SimParameters) -> None:
+        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        self._clock = node.create_publisher(Clock, "/clock", 10)
+        self._joints = node.create_publisher(JointState, "/joint_states", 10)
+        self._transforms = node.create_publisher(TFMessage, "/tf_static", latched)
+        camera_in_base = transform_to_msg(camera.camera_in_base, parameters.base_frame, parameters.camera_frame, 0.0)
+        self._transforms.publish(TFMessage(transforms=[camera_in_base]))
+        loop.every(1.0 / parameters.clock_rate, self._publish_clock)
+        loop.every(1.0 / parameters.joint_state_rate, self._publish_joints)
+
+    def _publish_clock(self, time: float, state: ArmState) -> None:
+        self._clock.publish(Clock(clock=time_to_msg(time)))
+
+    def _publish_joints(self, time: float, state: ArmState) -> None:
+        self._joints.publish(
+            joint_state_to_msg(
+                JOINT_NAMES,
+                np.concatenate([state.positions, state.finger_positions]),
+                np.concatenate([state.velocities, state.finger_velocities]),
+                np.concatenate([state.efforts, np.zeros(2)]),
+                time,
+            )
+        )

@@ -1,0 +1,184 @@
+"""The Panda arm with its parallel hand in a PyBullet world: state out, joint and finger commands in."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+import pybullet_data
+
+from cliport_perception import Pose
+from sim_bridge.bullet import pybullet
+from sim_bridge.errors import SimulationError
+
+FloatArray = npt.NDArray[np.float64]
+
+ARM_JOINT_NAMES = tuple(f"panda_joint{i}" for i in range(1, 8))
+FINGER_JOINT_NAMES = ("panda_finger_joint1", "panda_finger_joint2")
+READY_POSITIONS = (0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785)  # [rad]
+TORQUE_LIMITS = (87.0, 87.0, 87.0, 87.0, 12.0, 12.0, 12.0)  # [N m], Panda datasheet
+MAX_WIDTH = 0.08  # between the fingers [m]
+MAX_FINGER_FORCE = 70.0  # hardware limit of the hand [N]
+TCP_IN_HAND = Pose(np.eye(3), np.array([0.0, 0.0, 0.1034]))  # panda_hand_tcp in panda_hand
+FINGER_SPEED = 0.1  # of one finger [m/s]
+
+_POSITION_GAIN = 0.4  # share of the position error that one physics step takes back
+_VELOCITY_GAIN = 1.0
+_FINGERTIP_FRICTION = 1.5
+
+
+@dataclass(frozen=True, eq=False)
+class ArmState:
+    """What the arm's encoders say: rad, rad/s, N m for the joints; m, m/s for each of the two fingers."""
+
+    positions: FloatArray  # (7,)
+    velocities: FloatArray  # (7,)
+    efforts: FloatArray  # (7,)
+    finger_positions: FloatArray  # (2,)
+    finger_velocities: FloatArray  # (2,)
+
+    @property
+    def width(self) -> float:
+        """Distance between the fingers [m], 0..0.08."""
+        return float(self.finger_positions.sum())
+
+
+class PandaArm:
+    """The arm in the world of one PyBullet client, its base (panda_link0) at the origin.
+
+    Joint commands are held by motors that obey the torque limits; the two fingers are coupled by a gear, as
+    in the real hand. Commands stay in force until the next one.
+    """
+
+    def __init__(self, client: int) -> None:
+        self._client = client
+        urdf = Path(pybullet_data.getDataPath()) / "franka_panda" / "panda.urdf"
+        self.body: int = pybullet.loadURDF(
+            str(urdf),
+            useFixedBase=True,
+            flags=pybullet.URDF_IGNORE_VISUAL_SHAPES,
+            physicsClientId=client,
+        )
+        self.link_indices = self._find_links()
+        self._arm_joints = [self.link_indices[name.replace("joint", "link")] for name in ARM_JOINT_NAMES]
+        self._finger_joints = [
+            self.link_indices["panda_leftfinger"],
+            self.link_indices["panda_rightfinger"],
+        ]
+        self._hand = self.link_indices["panda_hand"]
+        self._set_up_contacts()
+        self.reset_home()
+
+    def state(self) -> ArmState:
+        """Positions, velocities and motor efforts now."""
+        arm = pybullet.getJointStates(self.body, self._arm_joints, physicsClientId=self._client)
+        fingers = pybullet.getJointStates(self.body, self._finger_joints, physicsClientId=self._client)
+        return ArmState(
+            np.array([s[0] for s in arm]),
+            np.array([s[1] for s in arm]),
+            np.array([s[3] for s in arm]),
+            np.array([s[0] for s in fingers]),
+            np.array([s[1] for s in fingers]),
+        )
+
+    def command(self, positions: npt.ArrayLike, velocities: npt.ArrayLike) -> None:
+        """Drive the joints to positions (7,) [rad] while moving at velocities (7,) [rad/s].
+
+        Raises:
+            SimulationError: when the command is not 7 finite numbers each.
+        """
+        q, v = np.asarray(positions, dtype=np.float64), np.asarray(velocities, dtype=np.float64)
+        if q.shape != (7,) or v.shape != (7,) or not (np.isfinite(q).all() and np.isfinite(v).all()):
+            raise SimulationError(f"a joint command needs 7 finite positions and velocities, got {q} and {v}")
+        pybullet.setJointMotorControlArray(
+            self.body,
+            self._arm_joints,
+            pybullet.POSITION_CONTROL,
+            targetPositions=q.tolist(),
+            targetVelocities=v.tolist(),
+            forces=list(TORQUE_LIMITS),
+            positionGains=[_POSITION_GAIN] * 7,
+            velocityGains=[_VELOCITY_GAIN] * 7,
+            physicsClientId=self._client,
+        )
+
+    def command_fingers(self, width: float, max_effort: float) -> None:
+        """Drive the fingers to a full width [m], clipped to 0..0.08, with at most max_effort [N] each.
+
+        Raises:
+            SimulationError: when the width or the effort is not finite.
+        """
+        if not (np.isfinite(width) and np.isfinite(max_effort)):
+            raise SimulationError(f"a finger command needs finite numbers, got {width} m, {max_effort} N")
+        half = float(np.clip(width, 0.0, MAX_WIDTH)) / 2.0
+        force = float(np.clip(max_effort, 0.0, MAX_FINGER_FORCE))
+        for joint in self._finger_joints:
+            pybullet.setJointMotorControl2(
+                self.body,
+                joint,
+                pybullet.POSITION_CONTROL,
+                targetPosition=half,
+                targetVelocity=0.0,
+                force=force,
+                maxVelocity=FINGER_SPEED,
+                physicsClientId=self._client,
+            )
+
+    def hold(self) -> None:
+        """Stop here: the arm holds the positions that it has now."""
+        self.command(self.state().positions, np.zeros(7))
+
+    def reset_home(self) -> None:
+        """Put the arm at the ready pose, at rest, with the hand open, without simulating the way there."""
+        for joint, position in zip(self._arm_joints, READY_POSITIONS, strict=True):
+            pybullet.resetJointState(self.body, joint, position, 0.0, physicsClientId=self._client)
+        for joint in self._finger_joints:
+            pybullet.resetJointState(self.body, joint, MAX_WIDTH / 2.0, 0.0, physicsClientId=self._client)
+        self.command(READY_POSITIONS, np.zeros(7))
+        self.command_fingers(MAX_WIDTH, 20.0)
+
+    def tcp_in_base(self) -> Pose:
+        """Pose of panda_hand_tcp in the base frame."""
+        return self.link_pose(self._hand) @ TCP_IN_HAND
+
+    def link_pose(self, link: int) -> Pose:
+        """Pose of the URDF frame of a link index (-1 is the base) in the base frame."""
+        if link < 0:
+            return Pose.identity()
+        state = pybullet.getLinkState(self.body, link, computeForwardKinematics=True, physicsClientId=self._client)
+        return Pose.from_quaternion_xyzw(state[5], state[4])
+
+    def _find_links(self) -> dict[str, int]:
+        count = pybullet.getNumJoints(self.body, physicsClientId=self._client)
+        infos = [pybullet.getJointInfo(self.body, i, physicsClientId=self._client) for i in range(count)]
+        return {info[12].decode(): info[0] for info in infos}
+
+    def _set_up_contacts(self) -> None:
+        for link in range(-1, pybullet.getNumJoints(self.body, physicsClientId=self._client)):
+            pybullet.changeDynamics(
+                self.body, link, linearDamping=0.0, angularDamping=0.0, physicsClientId=self._client
+            )
+        for joint in self._finger_joints:
+            pybullet.changeDynamics(
+                self.body,
+                joint,
+                lateralFriction=_FINGERTIP_FRICTION,
+                spinningFriction=0.1,
+                rollingFriction=0.001,
+                frictionAnchor=True,
+                physicsClientId=self._client,
+            )
+        gear = pybullet.createConstraint(
+            self.body,
+            self._finger_joints[0],
+            self.body,
+            self._finger_joints[1],
+            jointType=pybullet.JOINT_GEAR,
+            jointAxis=[1, 0, 0],
+            parentFramePosition=[0, 0, 0],
+            childFramePosition=[0, 0, 0],
+            physicsClientId=self._client,
+        )
+        pybullet.changeConstraint(gear, gearRatio=-1, erp=0.1, maxForce=50, physicsClientId=self._client)

@@ -1,0 +1,37 @@
+"""A goal of the bowl task: which blocks, into which bowls."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from sim_bridge.colors import rgb
+from sim_bridge.errors import GoalError
+
+DONE_SENTENCE = "done placing blocks in bowls."
+
+
+@dataclass(frozen=True)
+class ColorGoal:
+    """The blocks of one colour go into bowls of another.
+
+    Raises:
+        GoalError: when both colours are the same.
+        UnknownNameError: when the benchmark has no such colour.
+    """
+
+    block: str
+    bowl: str
+
+    def __post_init__(self) -> None:
+        rgb(self.block)
+        rgb(self.bowl)
+        if self.block == self.bowl:
+            raise GoalError(
+                f"blocks and bowl are both {self.block}: the task has no block of its bowl's colour; "
+                "name two different colours"
+            )
+
+    @property
+    def sentence(self) -> str:
+        """The benchmark's sentence for this goal."""
+        return f"put the {self.block} blocks in a {self.bowl} bowl"

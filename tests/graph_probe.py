@@ -1,0 +1,104 @@
+"""What the graph tests need beyond a user's client: direct goals, fault injection, and the arm's motion over time."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from typing import Any
+
+import numpy as np
+from geometry_msgs.msg import Point, Pose, Quaternion
+from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
+from rcl_interfaces.srv import SetParameters
+from rclpy.action import ActionClient
+from rclpy.qos import qos_profile_sensor_data
+from sensor_msgs.msg import JointState
+from std_srvs.srv import Trigger
+
+from cliport_benchmark.graph_client import GraphClient
+from cliport_interfaces.action import PickPlace
+
+STILL = 0.005  # rad/s: below this the arm counts as standing still
+
+
+class GraphProbe(GraphClient):
+    """A graph client that can also do what only tests do."""
+
+    def __init__(self, domain_id: int) -> None:
+        super().__init__("graph_probe", domain_id)
+        self._history: deque[tuple[float, float]] = deque(maxlen=5000)  # (wall time, fastest joint in rad/s)
+        self._node.create_subscription(JointState, "/joint_states", self._note_speed, qos_profile_sensor_data)
+        self._pick_place = ActionClient(self._node, PickPlace, "/panda_executor/pick_place")
+        self._parameters = self._node.create_client(SetParameters, "/sim_bridge/set_parameters")
+        self._triggers = {
+            name: self._node.create_client(Trigger, name)
+            for name in ("/cliport/stop", "/cliport/resume", "/panda_executor/stop", "/panda_executor/resume")
+        }
+
+    def trigger(self, name: str) -> str:
+        """Call one of the Trigger services; its message."""
+        return str(self._call(self._triggers[name], Trigger.Request(), 5.0).message)
+
+    def set_sim_parameter(self, name: str, value: bool) -> None:
+        """Switch one of the simulator's faults on or off."""
+        parameter = Parameter(name=name, value=ParameterValue(type=ParameterType.PARAMETER_BOOL, bool_value=value))
+        response = self._call(self._parameters, SetParameters.Request(parameters=[parameter]), 5.0)
+        assert response.results[0].successful, response.results[0].reason
+
+    def send_pick_place(self, pick: tuple[float, float], place: tuple[float, float], plan_only: bool = False) -> Any:
+        """Send a goal at table height; the goal handle."""
+        assert self._pick_place.wait_for_server(5.0)
+        goal = PickPlace.Goal(instruction="test", plan_only=plan_only, pick=_pose(*pick), place=_pose(*place))
+        goal.header.frame_id = "panda_link0"
+        return self._wait(self._pick_place.send_goal_async(goal), 5.0)
+
+    def result_of(self, handle: Any, timeout: float = 60.0) -> Any:
+        """The result message of an accepted goal."""
+        assert handle.accepted
+        return self._wait(handle.get_result_async(), timeout).result
+
+    def cancel(self, handle: Any) -> None:
+        self._wait(handle.cancel_goal_async(), 5.0)
+
+    def wait_moving(self, timeout: float = 15.0) -> float:
+        """Wall time at which the arm was seen to move, after now."""
+        return self._wait_speed(lambda speed: speed > 10 * STILL, time.monotonic(), timeout)
+
+    def wait_still(self, since: float, timeout: float = 5.0) -> float:
+        """Wall time from which on the arm stood still for 0.3 s, after since."""
+        deadline = time.monotonic() + timeout
+        while time.monotonic() < deadline:
+            start = self._wait_speed(lambda speed: speed < STILL, since, timeout)
+            time.sleep(0.35)
+            if self.fastest(start) < STILL:
+                return start
+            since = start + 0.02
+        raise AssertionError(f"the arm still moves after {timeout} s")
+
+    def fastest(self, since: float) -> float:
+        """The fastest joint speed since a wall time, rad/s; 0 where nothing was heard."""
+        return max((speed for stamp, speed in list(self._history) if stamp >= since), default=0.0)
+
+    def _wait_speed(self, wanted: Any, since: float, timeout: float) -> float:
+        deadline = time.monotonic() + timeout
+        while time.monotonic() < deadline:
+            for stamp, speed in list(self._history):
+                if stamp >= since and wanted(speed):
+                    return stamp
+            time.sleep(0.01)
+        raise AssertionError(f"the arm's speed did not become as expected within {timeout} s")
+
+    def _wait(self, future: Any, timeout: float) -> Any:
+        deadline = time.monotonic() + timeout
+        while not future.done():
+            assert time.monotonic() < deadline, f"no answer within {timeout} s"
+            time.sleep(0.01)
+        return future.result()
+
+    def _note_speed(self, message: JointState) -> None:
+        arm = [v for name, v in zip(message.name, message.velocity, strict=False) if "finger" not in name]
+        self._history.append((time.monotonic(), float(np.abs(arm).max()) if arm else 0.0))
+
+
+def _pose(x: float, y: float) -> Pose:
+    return Pose(position=Point(x=x, y=y, z=0.0), orientation=Quaternion(w=1.0))

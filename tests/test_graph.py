@@ -1,0 +1,200 @@
+"""The whole graph, end to end: real processes, real DDS, real physics. Each fault ends in one clear line."""
+
+import itertools
+import json
+import os
+import signal
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from graph_probe import STILL, GraphProbe
+
+from cliport_benchmark.graph_process import GraphProcess
+from cliport_interfaces.action import PickPlace
+from cliport_interfaces.msg import PolicyStatus
+
+TASK = "put-blocks-in-bowls-seen-colors"
+SPEED = "2.0"  # simulated seconds a second
+FAILED, DONE, EXECUTING = PolicyStatus.STATE_FAILED, PolicyStatus.STATE_DONE, PolicyStatus.STATE_EXECUTING
+_domains = itertools.count(60 + os.getpid() % 20)
+
+
+@pytest.fixture(scope="module")
+def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[GraphProcess, GraphProbe, Path]]:
+    """One graph for the tests of this module, its client, and the log of what was sent to the controller."""
+    folder = tmp_path_factory.mktemp("graph")
+    domain = next(_domains)
+    log = folder / "trajectories.jsonl"
+    arguments = {
+        "task": TASK,
+        "split": "test",
+        "seed": "1",
+        "real_time_factor": SPEED,
+        "trajectory_log": str(log),
+    }
+    with (
+        GraphProcess("sim.launch.yaml", arguments, folder / "graph.log", {"ROS_DOMAIN_ID": str(domain)}) as graph,
+        GraphProbe(domain) as probe,
+    ):
+        try:
+            probe.wait_ready(90.0, lambda: graph.alive)
+        except Exception as error:
+            raise AssertionError(f"{error}\n{graph.log_tail(40)}") from error
+        yield graph, probe, log
+        assert "Traceback" not in graph.log_text(), graph.log_tail(60)
+    assert graph.pids() == []
+
+
+@pytest.fixture
+def probe(running: tuple[GraphProcess, GraphProbe, Path]) -> Iterator[GraphProbe]:
+    """The client, with a fresh scene and every fault switched off; the arm is at rest before and after."""
+    graph, client, _ = running
+    assert graph.alive, graph.log_tail(40)
+    client.instruct("")
+    client.wait_still(time.monotonic(), 15.0)
+    client.reset(TASK, "test", 1)
+    time.sleep(0.5)
+    yield client
+    for fault in ("freeze_camera", "depth_all_nan", "abort_next_trajectory"):
+        client.set_sim_parameter(fault, False)
+    client.instruct("")
+
+
+def _fails_in_one_line(probe: GraphProbe, instruction: str, timeout: float = 30.0) -> str:
+    ended = probe.instruct_and_wait(instruction, timeout)
+    assert not ended.succeeded
+    assert ended.message and "\n" not in ended.message and len(ended.message) < 400
+    return ended.message
+
+
+def test_an_instruction_is_done(probe: GraphProbe) -> None:
+    sentence = probe.reset(TASK, "test", 3)
+    ended = probe.instruct_and_wait(sentence, 120.0)
+    assert ended.succeeded, ended.message
+    time.sleep(0.5)
+    assert probe.score() == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(
+    ("instruction", "reason"),
+    [
+        ("x" * 1_000_000, "characters"),
+        ("colourless ideas sleep furiously", "unlike anything"),
+        ("asdf qwer zxcv", "unlike anything"),
+        ("\x00\n\t \U0001f600", "unlike anything"),
+    ],
+    ids=["huge", "nonsense", "noise", "unprintable"],
+)
+def test_a_bad_instruction_moves_nothing(probe: GraphProbe, instruction: str, reason: str) -> None:
+    start = time.monotonic()
+    assert reason in _fails_in_one_line(probe, instruction)
+    time.sleep(0.5)
+    assert probe.fastest(start) < STILL
+
+
+def test_an_empty_instruction_stops(probe: GraphProbe) -> None:
+    sentence = probe.reset(TASK, "test", 3)
+    probe.instruct(sentence)
+    probe.wait_moving()
+    probe.instruct("")
+    stopped = probe.wait_still(time.monotonic())
+    time.sleep(1.0)
+    assert probe.fastest(stopped) < STILL
+
+
+@pytest.mark.parametrize(
+    ("pick", "place"), [((0.9, 0.0), (0.4, 0.2)), ((0.4, 0.0), (0.4, 0.7)), ((float("nan"), 0.0), (0.4, 0.2))]
+)
+def test_a_pose_out_of_bounds_is_refused(
+    probe: GraphProbe, pick: tuple[float, float], place: tuple[float, float]
+) -> None:
+    start = time.monotonic()
+    result = probe.result_of(probe.send_pick_place(pick, place))
+    assert result.outcome == PickPlace.Result.OUTCOME_REJECTED
+    assert result.message and "\n" not in result.message
+    assert probe.fastest(start) < STILL
+
+
+def test_nothing_to_grasp_is_said(probe: GraphProbe) -> None:
+    start = time.monotonic()
+    result = probe.result_of(probe.send_pick_place((0.26, -0.39), (0.4, 0.2)))
+    assert result.outcome != PickPlace.Result.OUTCOME_SUCCEEDED
+    assert result.message and "\n" not in result.message
+    assert probe.fastest(start) < STILL
+
+
+@pytest.mark.parametrize("fault", ["freeze_camera", "depth_all_nan"])
+def test_a_blind_camera_moves_nothing(probe: GraphProbe, fault: str) -> None:
+    sentence = probe.reset(TASK, "test", 3)
+    probe.set_sim_parameter(fault, True)
+    time.sleep(2.0)
+    start = time.monotonic()
+    message = _fails_in_one_line(probe, sentence)
+    assert "heightmap" in message
+    assert probe.fastest(start) < STILL
+
+
+def test_a_controller_that_aborts_is_said(probe: GraphProbe) -> None:
+    sentence = probe.reset(TASK, "test", 3)
+    probe.set_sim_parameter("abort_next_trajectory", True)
+    _fails_in_one_line(probe, sentence, 60.0)
+    stopped = probe.wait_still(time.monotonic())
+    time.sleep(0.5)
+    assert probe.fastest(stopped) < STILL
+
+
+def test_cancel_in_motion_holds_the_arm(probe: GraphProbe) -> None:
+    sentence = probe.reset(TASK, "test", 3)
+    probe.instruct(sentence)
+    probe.wait_moving()
+    time.sleep(0.3)
+    asked = time.monotonic()
+    probe.trigger("/cliport/stop")
+    assert probe.wait_still(asked) - asked < 0.3
+    time.sleep(1.0)
+    assert probe.fastest(asked + 0.3) < STILL
+    message = _fails_in_one_line(probe, sentence)  # the stop is latching
+    assert "resume" in message
+    probe.trigger("/cliport/resume")
+
+
+def test_every_trajectory_sent_is_valid_when_checked_again(
+    running: tuple[GraphProcess, GraphProbe, Path], probe: GraphProbe
+) -> None:
+    from recheck import recheck_trajectory
+
+    sentence = probe.reset(TASK, "test", 5)
+    probe.instruct_and_wait(sentence, 120.0)
+    lines = running[2].read_text().splitlines()
+    assert len(lines) >= 5
+    for line in lines:
+        recheck_trajectory(json.loads(line))
+
+
+def test_killing_the_executor_stops_the_arm_and_is_said(
+    running: tuple[GraphProcess, GraphProbe, Path], probe: GraphProbe
+) -> None:
+    """Last in this module: the graph has no executor afterwards."""
+    sentence = probe.reset(TASK, "test", 3)
+    probe.instruct(sentence)
+    probe.wait_moving()
+    time.sleep(0.2)
+    os.kill(running[0].pid_of("executor"), signal.SIGKILL)
+    killed = time.monotonic()
+    assert probe.wait_still(killed) - killed < 1.0
+    status = probe.wait_status(lambda s: s.state == FAILED, 10.0)
+    assert "executor" in status.message and "\n" not in status.message
+
+
+def test_a_corrupt_checkpoint_is_one_line(tmp_path: Path) -> None:
+    broken = tmp_path / "broken.safetensors"
+    broken.write_bytes(b"not a checkpoint")
+    (tmp_path / "broken.json").write_text("{")
+    environment = {"ROS_DOMAIN_ID": str(next(_domains))}
+    with GraphProcess("policy.launch.yaml", {"checkpoint": str(broken)}, tmp_path / "log", environment) as graph:
+        deadline = time.monotonic() + 30
+        while "error:" not in graph.log_text() and time.monotonic() < deadline:
+            time.sleep(0.1)
+    assert "broken" in graph.log_text() and "Traceback" not in graph.log_text()

@@ -1,0 +1,54 @@
+"""The house rules that a reader relies on: which room may know which, and who may know ROS and PyBullet."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+SOURCE = Path(__file__).resolve().parents[1] / "src"
+FORBIDDEN = {
+    "cliport_perception": {
+        "torch",
+        "pybullet",
+        "ompl",
+        "pinocchio",
+        "cliport_policy",
+        "panda_executor",
+        "sim_bridge",
+    },
+    "cliport_policy": {"pybullet", "ompl", "pinocchio", "panda_executor", "sim_bridge", "cliport_benchmark"},
+    "panda_executor": {"pybullet", "torch", "cliport_policy", "sim_bridge", "cliport_benchmark"},
+    "sim_bridge": {"torch", "ompl", "pinocchio", "cliport_policy", "panda_executor", "cliport_benchmark"},
+}
+ROS = {"rclpy", "sensor_msgs", "std_msgs", "geometry_msgs", "cliport_interfaces", "control_msgs"}
+ROS_ROOMS = ("node", "conversions", "action_", "ros_", "graph_client", "demo", "bench")
+
+
+def _modules() -> list[Path]:
+    return sorted(p for package in FORBIDDEN for p in (SOURCE / package / package).rglob("*.py"))
+
+
+def _imports(path: Path) -> set[str]:
+    names: set[str] = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            names.add(node.module)
+    return names
+
+
+@pytest.mark.parametrize("path", _modules(), ids=lambda p: str(p.relative_to(SOURCE)))
+def test_dependencies_point_one_way(path: Path) -> None:
+    package = path.relative_to(SOURCE).parts[0]
+    imported = _imports(path)
+    assert not {name.split(".")[0] for name in imported} & FORBIDDEN[package]
+    other_nodes = {name for name in imported if name.endswith(".node") and not name.startswith(package)}
+    assert not other_nodes
+    if not path.name.startswith(ROS_ROOMS):
+        assert not {name.split(".")[0] for name in imported} & ROS, "core modules know no ROS"
+
+
+def test_node_files_stay_thin() -> None:
+    for path in SOURCE.glob("*/*/node.py"):
+        assert len(path.read_text().splitlines()) <= 170, path
