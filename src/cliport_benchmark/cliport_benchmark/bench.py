@@ -142,7 +142,7 @@ def bench_first_motion(n: int = 5) -> list[Row]:
             GraphProcess("sim.launch.yaml", arguments, Path(folder) / "log") as graph,
             GraphClient("bench") as client,
         ):
-            client.wait_ready(120.0, lambda: graph.alive)
+            client.wait_ready(120.0, lambda: graph.healthy)
             for seed in range(n):
                 sentence = client.reset(TASK, "val", seed)
                 time.sleep(1.0)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from cliport_benchmark.errors import BenchmarkError
-from cliport_benchmark.graph_client import Ended, GraphClient
+from cliport_benchmark.graph_client import OVERLAYS, Ended, GraphClient
 from cliport_benchmark.graph_process import GraphProcess
 from cliport_interfaces.msg import PolicyStatus
 
@@ -53,6 +53,8 @@ def main(argv: list[str] | None = None) -> int:
     start = time.monotonic()
     try:
         out.mkdir(parents=True, exist_ok=True)
+        for picture in (*out.glob("*.png"), *out.glob("*.gif")):
+            picture.unlink()  # of an earlier run
         score, ended = _run(args, out)
     except (BenchmarkError, OSError) as error:
         print(f"error: {error}", file=sys.stderr)
@@ -88,26 +90,38 @@ def _run(args: argparse.Namespace, out: Path) -> tuple[float, Ended]:
         GraphClient("demo") as client,
     ):
         try:
-            client.wait_ready(READY_TIMEOUT, lambda: graph.alive)
-            sentence = client.reset(args.task, "test", args.seed, args.instruction)
-            instruction = args.instruction or sentence
+            client.wait_ready(READY_TIMEOUT, lambda: graph.healthy)
+            instruction = _set_scene(client, args)
             time.sleep(1.0)  # a camera frame of the new scene
-            _save(client, "/camera/color/image_raw", out / "before.png")
+            Image.fromarray(client.camera_image()).save(out / "before.png")
             _say(f"instruction: {instruction}")
             client.on_status = _StatusPrinter()
             client.on_frame = film.take
-            ended = client.instruct_and_wait(instruction, GOAL_TIMEOUT, lambda: graph.alive)
+            ended = client.instruct_and_wait(instruction, GOAL_TIMEOUT, lambda: graph.healthy)
             time.sleep(1.0)  # the last block comes to rest
             score = client.score()
         except BenchmarkError as error:
-            errors = [line for line in graph.log_text().splitlines() if "error" in line.lower()]
+            errors = [line for line in graph.log_text().splitlines() if "error:" in line]
             raise BenchmarkError(f"{error}{' | ' + errors[-1] if errors else ''} (see {graph.log_path})") from error
-        _save(client, "/camera/color/image_raw", out / "after.png")
-        _save(client, "/cliport/affordance/pick", out / "affordance_pick.png")
-        _save(client, "/cliport/affordance/place", out / "affordance_place.png")
+        Image.fromarray(client.camera_image()).save(out / "after.png")
+        for topic in OVERLAYS:
+            for step, picture in enumerate(client.overlays(topic), start=1):
+                Image.fromarray(picture).save(out / f"step{step}_{topic.rpartition('/')[2]}.png")
     film.save(out / "demo.gif")
-    _say(f"pictures in {out}/: before.png after.png affordance_pick.png affordance_place.png demo.gif")
+    _say(f"pictures in {out}/: before.png, after.png, step*_pick.png, step*_place.png, demo.gif")
     return score, ended
+
+
+def _set_scene(client: GraphClient, args: argparse.Namespace) -> str:
+    """Lay out the seed's scene, made for the instruction where one is given; what to tell the robot."""
+    if not args.instruction:
+        return client.reset(args.task, "test", args.seed)
+    try:
+        client.reset(args.task, "test", args.seed, args.instruction)
+    except BenchmarkError as error:
+        _say(f"{error}; the scene is the seed's own")
+        client.reset(args.task, "test", args.seed)
+    return str(args.instruction)
 
 
 class _StatusPrinter:
@@ -119,13 +133,7 @@ class _StatusPrinter:
     def __call__(self, status: PolicyStatus) -> None:
         if status.message != self._last:
             self._last = status.message
-            _say(f"step {status.step}: {status.message}")
-
-
-def _save(client: GraphClient, topic: str, path: Path) -> None:
-    image = client.latest(topic)
-    if image is not None:
-        Image.fromarray(image).save(path)
+            _say(status.message)
 
 
 def _say(text: str) -> None:

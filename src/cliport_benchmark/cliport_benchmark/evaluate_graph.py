@@ -57,11 +57,11 @@ def _run(options: argparse.Namespace) -> list[dict[str, Any]]:
     log = options.out.with_suffix(".log")
     episodes = []
     with GraphProcess("sim.launch.yaml", arguments, log) as graph, GraphClient("evaluate_graph") as client:
-        client.wait_ready(READY_TIMEOUT, lambda: graph.alive)
+        client.wait_ready(READY_TIMEOUT, lambda: graph.healthy)
         for seed in range(options.first_seed, options.first_seed + options.episodes):
             sentence = client.reset(options.task, options.split, seed)
             time.sleep(1.0)
-            ended = client.instruct_and_wait(sentence, GOAL_TIMEOUT, lambda: graph.alive)
+            ended = client.instruct_and_wait(sentence, GOAL_TIMEOUT, lambda: graph.healthy)
             time.sleep(1.0)  # what was let go comes to rest
             episode = {
                 "seed": seed,

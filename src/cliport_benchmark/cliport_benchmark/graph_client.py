@@ -22,6 +22,8 @@ from cliport_interfaces.srv import GetScore, ResetTask
 
 LATCHED = QoSProfile(depth=20, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 ENDED = (PolicyStatus.STATE_DONE, PolicyStatus.STATE_FAILED)
+CAMERA = "/camera/color/image_raw"
+OVERLAYS = ("/cliport/affordance/pick", "/cliport/affordance/place")
 MOTION_THRESHOLD = 0.01  # rad/s
 
 
@@ -47,6 +49,7 @@ class GraphClient:
         self._condition = threading.Condition()
         self._statuses: list[PolicyStatus] = []
         self._latest: dict[str, Image] = {}
+        self._overlays: dict[str, list[Image]] = {topic: [] for topic in OVERLAYS}  # since the last instruction
         self._first_motion: float | None = None
         self._last_motion = time.monotonic()
         self._watch_motion = False
@@ -57,7 +60,7 @@ class GraphClient:
         self._score = self._node.create_client(GetScore, "/sim_bridge/score")
         self._node.create_subscription(PolicyStatus, "/cliport/status", self._take_status, LATCHED)
         self._node.create_subscription(JointState, "/joint_states", self._take_joints, qos_profile_sensor_data)
-        for topic in ("/camera/color/image_raw", "/cliport/affordance/pick", "/cliport/affordance/place"):
+        for topic in (CAMERA, *OVERLAYS):
             take = partial(self._take_image, topic)
             self._node.create_subscription(Image, topic, take, 2)  # reliable: large frames get lost
         self._thread = threading.Thread(target=self._spin, daemon=True)
@@ -104,6 +107,8 @@ class GraphClient:
         """Publish an instruction; statuses seen before are forgotten."""
         with self._condition:
             self._statuses.clear()
+            for images in self._overlays.values():
+                images.clear()
             self._first_motion = None
             self._watch_motion = True
         self._instruction.publish(String(data=text))
@@ -151,10 +156,13 @@ class GraphClient:
                     raise BenchmarkError(f"{reason}; the last status was: {self._last_message()}")
                 self._condition.wait(min(left, 0.5))
 
-    def latest(self, topic: str) -> NDArray[np.uint8] | None:
-        """The newest rgb8 image of a topic, (rows, cols, 3)."""
-        message = self._latest.get(topic)
-        return None if message is None else _to_array(message)
+    def camera_image(self) -> NDArray[np.uint8]:
+        """The newest colour image, (rows, cols, 3) RGB; there is one once wait_ready has returned."""
+        return _to_array(self._latest[CAMERA])
+
+    def overlays(self, topic: str) -> list[NDArray[np.uint8]]:
+        """The affordance pictures of one of OVERLAYS since the last instruction, (rows, cols, 3) RGB each."""
+        return [_to_array(message) for message in self._overlays[topic]]
 
     def _last_message(self) -> str:
         return self._statuses[-1].message if self._statuses else "none"
@@ -163,8 +171,8 @@ class GraphClient:
         missing = [client.srv_name for client in (self._reset, self._score) if not client.service_is_ready()]
         if not self._statuses:
             missing.append("/cliport/status")
-        if "/camera/color/image_raw" not in self._latest:
-            missing.append("/camera/color/image_raw")
+        if CAMERA not in self._latest:
+            missing.append(CAMERA)
         if self._instruction.get_subscription_count() == 0:
             missing.append("subscriber of /cliport/instruction")
         return missing
@@ -195,7 +203,9 @@ class GraphClient:
 
     def _take_image(self, topic: str, message: Image) -> None:
         self._latest[topic] = message
-        if topic == "/camera/color/image_raw":
+        if topic in self._overlays:
+            self._overlays[topic].append(message)
+        else:
             self.on_frame(_to_array(message))
 
     def _spin(self) -> None:

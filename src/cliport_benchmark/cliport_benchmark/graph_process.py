@@ -67,6 +67,11 @@ class GraphProcess:
         """Whether the launch process still runs."""
         return self._process is not None and self._process.poll() is None
 
+    @property
+    def healthy(self) -> bool:
+        """Whether the launch process runs and none of its nodes has died."""
+        return self.alive and "process has died" not in self.log_text()
+
     def log_text(self) -> str:
         """Everything the nodes have printed so far."""
         return self.log_path.read_text(errors="replace") if self.log_path.is_file() else ""
