@@ -83,7 +83,7 @@ def test_an_instruction_is_done(probe: GraphProbe) -> None:
         ("x" * 1_000_000, "characters"),
         ("colourless ideas sleep furiously", "unlike anything"),
         ("asdf qwer zxcv", "unlike anything"),
-        ("\x00\n\t \U0001f600", "unlike anything"),
+        ("\n\t\u2603 \U0001f600", "unlike anything"),
     ],
     ids=["huge", "nonsense", "noise", "unprintable"],
 )

@@ -62,7 +62,7 @@ class GraphClient:
         self._node.create_subscription(JointState, "/joint_states", self._take_joints, qos_profile_sensor_data)
         for topic in (CAMERA, *OVERLAYS):
             take = partial(self._take_image, topic)
-            self._node.create_subscription(Image, topic, take, 2)  # reliable: large frames get lost
+            self._node.create_subscription(Image, topic, take, 2)
         self._thread = threading.Thread(target=self._spin, daemon=True)
         self._thread.start()
 

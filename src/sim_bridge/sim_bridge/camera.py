@@ -14,6 +14,7 @@ from sim_bridge.renderer import CleanFrame, Renderer
 from sim_bridge.visible import Visible
 
 OPTICAL_FRAME = "camera_color_optical_frame"
+_STILL = 2e-4  # a pose's numbers [m, or of a rotation matrix] change less than this while nothing moves
 
 
 @dataclass(frozen=True)
@@ -59,6 +60,7 @@ class CameraConfig:
     appearance: Appearance = field(default_factory=Appearance)
     window: ImageWindow | None = None  # the part that is rendered, the rest stays empty; None: all
     n_threads: int = 0  # 0: every core
+    reuse_still: bool = False  # render again only when something has moved; the noise is fresh all the same
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,6 +79,7 @@ class SimCamera:
         self.config = config or CameraConfig()
         self._window = self.config.window or ImageWindow.whole(self.config.intrinsics)
         self._renderer = Renderer(self.config.intrinsics, self._window, self.config.n_threads)
+        self._last: tuple[object, npt.NDArray[np.float64], CleanFrame] | None = None
 
     @property
     def intrinsics(self) -> CameraModel:
@@ -99,11 +102,17 @@ class SimCamera:
 
         appearance, true_camera_in_base: light and true mounting of this frame; as configured by default.
         """
-        clean = self._renderer.render(
-            world, true_camera_in_base or self.camera_in_base, appearance or self.config.appearance
-        )
+        clean = self._clean(world, true_camera_in_base or self.camera_in_base, appearance or self.config.appearance)
         color, depth = _with_noise(clean, self.config.noise, rng)
         return RgbdFrame(*self._in_full_frame(color, depth), world.time)
+
+    def _clean(self, world: Visible, camera_in_base: Pose, appearance: Appearance) -> CleanFrame:
+        if not self.config.reuse_still:
+            return self._renderer.render(world, camera_in_base, appearance)
+        what, where = _what_is_where(world, camera_in_base, appearance)
+        if self._last is None or self._last[0] != what or np.abs(self._last[1] - where).max() > _STILL:
+            self._last = what, where, self._renderer.render(world, camera_in_base, appearance)
+        return self._last[2]
 
     def _in_full_frame(
         self, color: npt.NDArray[np.uint8], depth: npt.NDArray[np.float32]
@@ -116,6 +125,16 @@ class SimCamera:
         full_color[self._window.slices] = color
         full_depth[self._window.slices] = depth
         return full_color, full_depth
+
+
+def _what_is_where(
+    world: Visible, camera_in_base: Pose, appearance: Appearance
+) -> tuple[object, npt.NDArray[np.float64]]:
+    """What is visible and how it is lit, to be compared for equality; and every pose as one row of numbers."""
+    poses = [camera_in_base, *(world.object_pose(thing) for thing in world.objects)]
+    poses += [world.panda.link_pose(index) for index in world.panda.link_indices.values()]
+    where = np.concatenate([np.append(pose.rotation.ravel(), pose.translation) for pose in poses])
+    return (tuple(id(thing) for thing in world.objects), appearance), where
 
 
 def _with_noise(

@@ -12,7 +12,7 @@ from typing import Any
 import rclpy
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.clock import Clock, ClockType
-from rclpy.executors import MultiThreadedExecutor
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import Empty
@@ -45,7 +45,7 @@ class SimNode(Node):  # type: ignore[misc]
         world = SimWorld()
         self._world = world
         task = world.reset(parameters.task, parameters.split, parameters.seed, parameters.instruction)
-        camera = SimCamera(CameraConfig(noise=noise, n_threads=parameters.render_threads))
+        camera = SimCamera(CameraConfig(noise=noise, n_threads=parameters.render_threads, reuse_still=True))
         self.loop = SimLoop(
             world,
             JointTrajectoryController(),
@@ -122,7 +122,7 @@ def main(args: list[str] | None = None) -> int:
         print(f"error: {' '.join(str(error).split())}", file=sys.stderr)
         rclpy.try_shutdown()
         return 1
-    executor = MultiThreadedExecutor(num_threads=6)
+    executor = SingleThreadedExecutor()  # goals and the simulation have threads of their own
     executor.add_node(node)
     spinner = threading.Thread(target=executor.spin, name="ros", daemon=True)
     spinner.start()

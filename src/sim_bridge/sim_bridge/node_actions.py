@@ -6,9 +6,10 @@ import time
 from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING, Any
 
-from rclpy.action import ActionServer, CancelResponse, GoalResponse
+from rclpy.action import CancelResponse, GoalResponse
 from rclpy.callback_groups import ReentrantCallbackGroup
 
+from cliport_perception.ros_action_server import ThreadedActionServer
 from sim_bridge.errors import SimBridgeError
 from sim_bridge.goal_status import GoalStatus
 from sim_bridge.joint_trajectory_controller import TrajectoryExecution
@@ -33,7 +34,7 @@ class ControllerAction(ABC):
         self._name = name
         self._logger = node.get_logger()
         self._executions: dict[bytes, Execution] = {}
-        self._server = ActionServer(
+        self._server = ThreadedActionServer(
             node,
             action_type,
             name,

@@ -33,9 +33,9 @@ class SimParameters:
     instruction: str = ""
     camera_rate: float = 5.0
     joint_state_rate: float = 50.0
-    clock_rate: float = 100.0
+    clock_rate: float = 50.0
     real_time_factor: float = 1.0
-    heartbeat_timeout: float = 0.25
+    heartbeat_timeout: float = 0.5
     franka_quirks: bool = True
     grasp_epsilon_inner: float = 0.08
     grasp_epsilon_outer: float = 0.08

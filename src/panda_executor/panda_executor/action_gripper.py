@@ -1,0 +1,69 @@
+"""The gripper behind a GripperCommand action."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+from panda_executor.action_call import ActionCaller
+from panda_executor.conversions import gripper_goal_to_msg
+from panda_executor.errors import PortError
+from panda_executor.joint_tracker import JointTracker
+from panda_executor.ports import GripperResult, MotionStatus, ShouldStop
+
+_MOVE_TIME = 4.0  # for the fingers' whole way, slow hands included [s]
+_SETTLE = 1.0  # for the joint states to show what the action reports, wall clock [s]
+_AGREES = 0.004  # [m]
+
+
+class ActionGripper:
+    """GripperPort over franka_gripper's rules: it is told half of the width and reports all of it.
+
+    Args:
+        reports_full_width: False for grippers whose result is half of the width, too.
+    """
+
+    def __init__(
+        self,
+        caller: ActionCaller,
+        joints: JointTracker,
+        now_ns: Callable[[], int],
+        reports_full_width: bool = True,
+    ) -> None:
+        self._caller, self._joints, self._now_ns = caller, joints, now_ns
+        self._factor = 1.0 if reports_full_width else 2.0
+        self._halt = False
+
+    def width(self) -> float:
+        """Full distance between the fingers [m]. Raises PortError when the joint states are missing, old."""
+        return self._joints.width(self._now_ns())
+
+    def move(self, width: float, max_effort: float, should_stop: ShouldStop) -> GripperResult:
+        """Go to a full width [m]; being stopped by an object counts as done."""
+        self._halt = False
+        goal = gripper_goal_to_msg(width, max_effort)
+        end = self._caller.call(goal, 1.2 * _MOVE_TIME + 0.5, lambda: self._halt or should_stop())
+        if end.result is None:
+            return GripperResult(float("nan"), False, False, end.status, end.message)
+        reported = self._factor * float(end.result.position)
+        status, stalled = end.status, bool(end.result.stalled)
+        if status is MotionStatus.ABORTED and stalled:
+            status = MotionStatus.SUCCEEDED  # holding something is what closing is for
+        if status is MotionStatus.SUCCEEDED:
+            self._wait_for_states(reported, should_stop)
+        return GripperResult(reported, stalled, bool(end.result.reached_goal), status, end.message)
+
+    def stop(self) -> None:
+        """Cancel a move that runs; the fingers stay where they are."""
+        self._halt = True
+
+    def _wait_for_states(self, width: float, should_stop: ShouldStop) -> None:
+        """Joint states come a moment later than the result: judging a grasp by them needs the newer ones."""
+        deadline = time.monotonic() + _SETTLE
+        while time.monotonic() < deadline and not should_stop():
+            try:
+                if abs(self.width() - width) < _AGREES:
+                    return
+            except PortError:
+                pass
+            time.sleep(0.01)

@@ -1,0 +1,71 @@
+"""The newest point cloud, kept as it came until someone needs its points."""
+
+from __future__ import annotations
+
+import struct
+import threading
+
+from panda_executor.errors import RequestError
+
+_STAMP = struct.Struct("<iI")
+_CDR_HEADER = 4  # bytes of encapsulation before the message; a Header's stamp is its first field
+
+
+def stamp_of_raw(raw: bytes) -> int:
+    """Nanoseconds of a serialized message that begins with a std_msgs/Header; 0 when it is too short."""
+    if len(raw) < _CDR_HEADER + _STAMP.size:
+        return 0
+    seconds, nanoseconds = _STAMP.unpack_from(raw, _CDR_HEADER)
+    return int(seconds) * 1_000_000_000 + int(nanoseconds)
+
+
+class CloudCache:
+    """Holds one serialized cloud and judges its age; safe between threads.
+
+    Args:
+        max_age: an older cloud is not given out [s].
+        behind: a cloud may have been taken this much before the observation that a goal comes from [s];
+            by default it must show the same scene or a later one.
+    """
+
+    def __init__(self, max_age: float = 2.0, behind: float = 0.0) -> None:
+        self._max_age, self._behind = max_age, behind
+        self._lock = threading.Lock()
+        self._raw: bytes | None = None
+        self._stamp_ns = 0
+
+    def put(self, raw: bytes) -> None:
+        """Take note of a serialized PointCloud2."""
+        with self._lock:
+            self._raw, self._stamp_ns = raw, stamp_of_raw(raw)
+
+    def age(self, now_ns: int) -> float:
+        """Of the newest cloud [s], infinite when there is none."""
+        with self._lock:
+            return float("inf") if self._raw is None else (now_ns - self._stamp_ns) * 1e-9
+
+    def get(self, now_ns: int, goal_stamp_ns: int, still_since_ns: int) -> bytes:
+        """The newest cloud, serialized, if it shows the table as it is now.
+
+        Args:
+            goal_stamp_ns: of the observation that the goal comes from, 0 when unknown.
+            still_since_ns: when the arm last came to rest; before that it stood in the view.
+
+        Raises:
+            RequestError: when there is none, or it is too old; says by how much.
+        """
+        with self._lock:
+            raw, stamp_ns = self._raw, self._stamp_ns
+        if raw is None:
+            raise RequestError("no point cloud has arrived on /cliport/points; is perception running?")
+        age = (now_ns - stamp_ns) * 1e-9
+        if age > self._max_age:
+            raise RequestError(
+                f"the point cloud is {age:.1f} s old (at most {self._max_age:g} s); has the camera stopped?"
+            )
+        behind = (goal_stamp_ns - stamp_ns) * 1e-9
+        if goal_stamp_ns and behind > self._behind:
+            raise RequestError(f"the point cloud is {behind:.1f} s older than the goal's observation")
+        if stamp_ns < still_since_ns:
+            raise RequestError("the point cloud was taken while the arm still moved")
+        return raw

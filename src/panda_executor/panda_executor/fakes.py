@@ -1,0 +1,81 @@
+"""An arm and a gripper that obey at once: for tests, and for trying plans without a robot."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from panda_executor.limits import READY_POSITIONS, FloatArray
+from panda_executor.ports import GripperResult, MotionResult, MotionStatus, ShouldStop
+from panda_executor.trajectory import JointTrajectory
+
+_ABORTED = MotionResult(MotionStatus.ABORTED, "path tolerance violated")
+
+
+@dataclass
+class FakeArm:
+    """Follows every trajectory exactly, in as many steps as it has points.
+
+    fail_at: number of the motion (from 0) that ends with `failure` half-way. on_step is called with the
+    motion's number and the share done, between points.
+    """
+
+    positions: FloatArray = field(default_factory=READY_POSITIONS.copy)
+    fail_at: int | None = None
+    failure: MotionResult = _ABORTED
+    on_step: Callable[[int, float], None] = lambda motion, share: None
+    sent: list[JointTrajectory] = field(default_factory=list)
+
+    def joint_positions(self) -> FloatArray:
+        """(7,) [rad]."""
+        return np.array(self.positions)
+
+    def execute(self, trajectory: JointTrajectory, should_stop: ShouldStop) -> MotionResult:
+        """Jump from point to point."""
+        number = len(self.sent)
+        self.sent.append(trajectory)
+        for i, positions in enumerate(trajectory.positions):
+            share = i / (len(trajectory.positions) - 1)
+            self.on_step(number, share)
+            if should_stop():
+                return MotionResult(MotionStatus.CANCELLED, "stopped")
+            if number == self.fail_at and share > 0.5:
+                return self.failure
+            self.positions = np.array(positions)
+        return MotionResult(MotionStatus.SUCCEEDED)
+
+
+@dataclass
+class FakeGripper:
+    """Closes down to object_width [m], 0 for nothing between the fingers."""
+
+    opening: float = 0.08
+    object_width: float = 0.04
+    failure: GripperResult | None = None
+    moves: list[float] = field(default_factory=list)
+    stops: int = 0
+
+    def width(self) -> float:
+        """Full distance between the fingers [m]."""
+        return self.opening
+
+    def move(self, width: float, max_effort: float, should_stop: ShouldStop) -> GripperResult:
+        """At once, as far as the object lets it."""
+        self.moves.append(width)
+        if should_stop():
+            return GripperResult(self.opening, False, False, MotionStatus.CANCELLED, "stopped")
+        if self.failure is not None:
+            return self.failure
+        self.opening = max(width, self.object_width) if width < self.opening else width
+        return GripperResult(self.opening, self.opening > width + 1e-4, abs(self.opening - width) < 1e-4)
+
+    def stop(self) -> None:
+        """Count the calls."""
+        self.stops += 1
+
+    def lose_object(self) -> None:
+        """The object slips out: the fingers close all the way."""
+        self.object_width = 0.0
+        self.opening = 0.0

@@ -1,0 +1,165 @@
+"""Inverse kinematics for the hand pointing down: damped least squares from several seeds."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from cliport_perception.pose import Pose
+from panda_executor.errors import InverseKinematicsError
+from panda_executor.limits import READY_POSITIONS, FloatArray
+from panda_executor.model import PandaModel
+
+_POSITION_TOLERANCE = 1e-5  # [m]
+_ANGLE_TOLERANCE = 1e-5  # [rad]
+_LIMIT_MARGIN = 0.02  # solutions keep this far from the joint limits [rad]
+_MAX_STEP = 0.4  # of a joint in one iteration [rad]
+_EYE6 = np.eye(6)
+_USUAL_SEEDS = 7
+_RESTARTS = 60  # random seeds, tried only while nothing else has converged
+
+
+def tilted(pose: Pose, angle: float) -> Pose:
+    """The tcp pose turned about the tcp so that the hand leans away from the robot by `angle` [rad]."""
+    x, y, _ = pose.translation
+    bearing = math.atan2(float(y), float(x))
+    axis = np.array([-math.sin(bearing), math.cos(bearing), 0.0])
+    return Pose(pin.exp3(axis * angle) @ pose.rotation, pose.translation)
+
+
+def hand_down_pose(x: float, y: float, z: float, yaw: float) -> Pose:
+    """tcp in base with the hand pointing straight down.
+
+    The jaws' convention: at yaw 0 the fingers close along the base's x axis; at yaw psi along that direction
+    turned by psi about +z. So a block with yaw psi is held by two of its faces. The fingers close along the
+    tcp's y axis, and psi and psi + pi describe the same grasp with the hand turned around.
+    """
+    c, s = math.cos(yaw), math.sin(yaw)
+    rotation = np.array([[-s, c, 0.0], [c, s, 0.0], [0.0, 0.0, -1.0]])
+    return Pose(rotation, np.array([x, y, z]))
+
+
+def yaw_of_hand(pose: Pose) -> float:
+    """The inverse of `hand_down_pose` for the angle [rad]."""
+    return math.atan2(pose.rotation[1, 1], pose.rotation[0, 1])
+
+
+@dataclass(frozen=True, eq=False)
+class IkSolution:
+    """Joint positions (7,) [rad] and how much they are worth: less cost is better."""
+
+    positions: FloatArray
+    cost: float
+
+
+class HandDownIk:
+    """Solves for tcp poses; deterministic: the same target and reference give the same answer.
+
+    Args:
+        damping: of the least squares; large enough to pass singular poses, small enough to converge fast.
+        max_iterations: per seed.
+    """
+
+    def __init__(self, model: PandaModel, damping: float = 0.02, max_iterations: int = 60) -> None:
+        self._model = model
+        self._limits = model.limits.shrunk(_LIMIT_MARGIN)
+        self._damping = damping
+        self._max_iterations = max_iterations
+        self._span = model.limits.upper - model.limits.lower
+
+    def refine(self, target: Pose, seed: FloatArray) -> tuple[FloatArray, float]:
+        """From one seed (7,) [rad] to the target: the positions reached and what is missing [m + rad]."""
+        goal = pin.SE3(np.array(target.rotation), np.array(target.translation))
+        q = np.clip(seed, self._limits.lower, self._limits.upper)
+        damping = self._damping**2 * _EYE6
+        residual = math.inf
+        for _ in range(self._max_iterations):
+            error, jacobian = self._model.tcp_error_and_jacobian(q, goal)
+            position_error = float(np.linalg.norm(error[:3]))
+            angle_error = float(np.linalg.norm(error[3:]))
+            residual = position_error + angle_error
+            if position_error < _POSITION_TOLERANCE and angle_error < _ANGLE_TOLERANCE:
+                break
+            # (J J^T + lambda^2 I), lambda fading with the error so that the last steps converge quadratically
+            weight = min(1.0, residual * 10.0) + 1e-4
+            step = jacobian.T @ np.linalg.solve(jacobian @ jacobian.T + weight * damping, error)
+            largest = float(np.abs(step).max())
+            if largest > _MAX_STEP:
+                step *= _MAX_STEP / largest
+            moved = np.clip(q + step, self._limits.lower, self._limits.upper)
+            if float(np.abs(moved - q).max()) < 1e-9:
+                break
+            q = moved
+        return q, residual
+
+    def solve_near(self, target: Pose, seed: FloatArray, max_change: float = 0.5) -> FloatArray | None:
+        """The solution on the seed's own branch, or None when a joint moves more than max_change [rad]."""
+        q, residual = self.refine(target, seed)
+        if residual > _POSITION_TOLERANCE + _ANGLE_TOLERANCE or float(np.abs(q - seed).max()) > max_change:
+            return None
+        return q
+
+    def solve_all(self, target: Pose, reference: FloatArray) -> list[IkSolution]:
+        """Distinct solutions, the cheapest first: near to `reference` (7,) [rad] and far from the limits.
+
+        Raises:
+            InverseKinematicsError: when no seed converges.
+        """
+        found: list[IkSolution] = []
+        best_residual = math.inf
+        for number, seed in enumerate(self._seeds(target, reference)):
+            if found and number >= _USUAL_SEEDS:
+                break
+            q, residual = self.refine(target, seed)
+            best_residual = min(best_residual, residual)
+            if residual > _POSITION_TOLERANCE + _ANGLE_TOLERANCE:
+                continue
+            if any(float(np.abs(q - other.positions).max()) < 0.05 for other in found):
+                continue
+            found.append(IkSolution(q, self.cost(q, reference)))
+        if not found:
+            x, y, z = (float(v) for v in target.translation)
+            raise InverseKinematicsError(x, y, z, yaw_of_hand(target), best_residual)
+        return sorted(found, key=lambda solution: solution.cost)
+
+    def cost(self, positions: FloatArray, reference: FloatArray) -> float:
+        """Distance from the reference plus a penalty that grows towards the joint limits."""
+        distance = float(np.linalg.norm(positions - reference))
+        to_limit = np.minimum(positions - self._model.limits.lower, self._model.limits.upper - positions)
+        crowded = np.clip(1.0 - to_limit / (0.15 * self._span), 0.0, 1.0)
+        return distance + 1.5 * float(np.sum(crowded**2))
+
+    def _seeds(self, target: Pose, reference: FloatArray) -> list[FloatArray]:
+        """The reference, then the ready pose turned towards the target with the wrist at its yaw."""
+        x, y, _z = target.translation
+        bearing = math.atan2(float(y), float(x))
+        reach = float(np.clip((math.hypot(float(x), float(y)) - 0.3) / 0.45, 0.0, 1.0))
+        folded = np.array([0.0, -0.2, 0.0, -2.6, 0.0, 2.4, 0.0])
+        stretched = np.array([0.0, 0.95, 0.0, -1.1, 0.0, 2.05, 0.0])
+        base = folded + reach * (stretched - folded)
+        base[0] = bearing
+        # At joint 7 = pi/4 with the other joints in a plane, the fingers close across that plane.
+        wrist = math.pi / 4.0 + bearing - (yaw_of_hand(target) - math.pi / 2.0)
+        wrist = (wrist - math.pi / 4.0 + math.pi) % (2.0 * math.pi) - math.pi + math.pi / 4.0
+        seeds = [np.array(reference, dtype=np.float64)]
+        for elbow in (0.0, 0.5, -0.5, 1.1, -1.1):
+            seed = base.copy()
+            seed[0] -= elbow * 0.7
+            seed[2] = elbow
+            seed[6] = np.clip(wrist, self._limits.lower[6], self._limits.upper[6])
+            seeds.append(seed)
+        ready = READY_POSITIONS.copy()
+        ready[0] = bearing
+        seeds.append(ready)
+        assert len(seeds) == _USUAL_SEEDS
+        # Close to the base, between table and shoulder, only a twisted arm folds far enough.
+        twisted = np.array([1.0, 0.22, -1.15, -2.69, -2.6, 3.55, 1.7])
+        mirror = np.array([-1.0, 1.0, -1.0, 1.0, -1.0, 1.0, 1.0])
+        seeds += [twisted, twisted * mirror]
+        random = np.random.default_rng(0)
+        lower, upper = self._limits.lower, self._limits.upper
+        seeds += [random.uniform(lower, upper) for _ in range(_RESTARTS)]
+        return seeds

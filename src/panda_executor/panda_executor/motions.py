@@ -1,0 +1,158 @@
+"""Single motions: a path, its times, and the scene in which it was found good."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from cliport_perception.pose import Pose
+from panda_executor.config import ExecutorConfig
+from panda_executor.errors import PlanningError, TrajectoryError
+from panda_executor.ik import HandDownIk
+from panda_executor.limits import FloatArray, JointLimits
+from panda_executor.model import PandaModel
+from panda_executor.path_search import find_path
+from panda_executor.request import Phase
+from panda_executor.scene import Scene
+from panda_executor.timing import time_path
+from panda_executor.trajectory import PANDA_JOINTS, JointTrajectory
+from panda_executor.validation import validate_trajectory
+
+_CARTESIAN_STEP = 0.01  # between two solved poses on a straight line [m]
+_TURN_STEP = 0.1  # [rad]
+_BRANCH_CHANGE = 0.35  # a joint that moves more between two solved poses has left its branch [rad]
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """A trajectory for one phase, and the scene (hand, load, obstacles) that it must be checked in."""
+
+    phase: Phase
+    trajectory: JointTrajectory
+    scene: Scene
+
+
+class MotionBuilder:
+    """Makes motions; every one that it returns has passed validate_trajectory."""
+
+    def __init__(self, model: PandaModel, ik: HandDownIk, config: ExecutorConfig) -> None:
+        self.model, self.ik, self.config = model, ik, config
+        self.limits: JointLimits = config.motion_limits(model.limits)
+
+    def travel(self, phase: Phase, start: FloatArray, goal: FloatArray, scene: Scene) -> Motion:
+        """From configuration to configuration (7,), straight where that is free.
+
+        Raises:
+            PlanningError: when there is no way.
+        """
+        waypoints = find_path(scene, start, goal, self.config.search)
+        if len(waypoints) > 2:
+            try:
+                return self._timed(phase, _rounded(waypoints), scene, self.config.timing.tcp_speed)
+            except TrajectoryError:
+                return self._stopping(phase, waypoints, scene)
+        return self._timed(phase, waypoints, scene, self.config.timing.tcp_speed)
+
+    def straight(self, phase: Phase, start: FloatArray, end_pose: Pose, scene: Scene) -> Motion | None:
+        """The tcp on a straight line from where `start` (7,) puts it to `end_pose`; None when that fails."""
+        waypoints = self.cartesian_waypoints(start, end_pose)
+        if waypoints is None or not scene.is_valid(waypoints[-1]):
+            return None
+        try:
+            return self._timed(phase, waypoints, scene, self.config.timing.tcp_speed_near)
+        except TrajectoryError:
+            return None
+
+    def reversed(self, phase: Phase, motion: Motion, scene: Scene) -> Motion:
+        """The same way back, with another hand.
+
+        Raises:
+            TrajectoryError: when the other hand does not pass.
+        """
+        forward = motion.trajectory
+        back = JointTrajectory(
+            forward.joint_names,
+            forward.duration - forward.times[::-1],
+            forward.positions[::-1].copy(),
+            -forward.velocities[::-1],
+            forward.accelerations[::-1].copy(),
+        )
+        validate_trajectory(back, self.limits, scene)
+        return Motion(phase, back, scene)
+
+    def cartesian_waypoints(self, start: FloatArray, end_pose: Pose) -> FloatArray | None:
+        """Configurations (N, 7) along the line, all on the branch of `start`, or None."""
+        first = self.model.tcp_pose(start)
+        shift = np.asarray(end_pose.translation) - first.translation
+        turn = pin.log3(first.rotation.T @ end_pose.rotation)
+        steps = max(float(np.linalg.norm(shift)) / _CARTESIAN_STEP, float(np.linalg.norm(turn)) / _TURN_STEP)
+        count = max(math.ceil(steps), 2)
+        waypoints = [np.array(start, dtype=np.float64)]
+        for share in np.arange(1, count + 1) / count:
+            pose = Pose(first.rotation @ pin.exp3(turn * share), first.translation + shift * share)
+            guess = waypoints[-1]
+            if len(waypoints) > 1:
+                guess = 2.0 * waypoints[-1] - waypoints[-2]
+            solution = self.ik.solve_near(pose, guess, _BRANCH_CHANGE)
+            if solution is None:
+                return None
+            waypoints.append(solution)
+        return np.stack(waypoints)
+
+    def _timed(self, phase: Phase, waypoints: FloatArray, scene: Scene, tcp_speed: float) -> Motion:
+        if float(np.abs(waypoints[-1] - waypoints[0]).max()) < 1e-4 and len(waypoints) == 2:
+            return Motion(phase, _resting(waypoints[0]), scene)
+        period = self.config.timing.period
+        trajectory = time_path(waypoints, self.limits, self.model, tcp_speed, period)
+        validate_trajectory(trajectory, self.limits, scene)
+        return Motion(phase, trajectory, scene)
+
+    def _stopping(self, phase: Phase, waypoints: FloatArray, scene: Scene) -> Motion:
+        """Leg by leg with a stop at every corner: what is left when the rounded path touches something."""
+        legs = [
+            time_path(np.stack(pair), self.limits, self.model, self.config.timing.tcp_speed)
+            for pair in itertools.pairwise(waypoints)
+        ]
+        offsets = np.concatenate([[0.0], np.cumsum([leg.duration for leg in legs])])
+        keep = [slice(0 if i == 0 else 1, None) for i in range(len(legs))]
+        trajectory = JointTrajectory(
+            PANDA_JOINTS,
+            np.concatenate([leg.times[k] + offsets[i] for i, (leg, k) in enumerate(zip(legs, keep, strict=True))]),
+            np.concatenate([leg.positions[k] for leg, k in zip(legs, keep, strict=True)]),
+            np.concatenate([leg.velocities[k] for leg, k in zip(legs, keep, strict=True)]),
+            np.concatenate([leg.accelerations[k] for leg, k in zip(legs, keep, strict=True)]),
+        )
+        try:
+            validate_trajectory(trajectory, self.limits, scene)
+        except TrajectoryError as error:
+            raise PlanningError(f"the path found does not hold when checked again: {error}") from None
+        return Motion(phase, trajectory, scene)
+
+
+def _resting(positions: FloatArray) -> JointTrajectory:
+    """Two points at the same place: a motion for an arm that is already there."""
+    still = np.zeros((2, len(positions)))
+    return JointTrajectory(PANDA_JOINTS, np.array([0.0, 0.1]), np.stack([positions] * 2), still, still)
+
+
+def _rounded(waypoints: FloatArray) -> FloatArray:
+    """A polyline's corners cut (three times, a quarter, 0.15 rad at most): dense points (M, 7)."""
+    points = waypoints
+    for _ in range(3):
+        cut = [points[0]]
+        for before, corner, after in zip(points[:-2], points[1:-1], points[2:], strict=True):
+            for other in (before, after):
+                distance = float(np.linalg.norm(other - corner))
+                share = min(0.25, 0.15 / max(distance, 1e-9))
+                cut.append(corner + share * (other - corner))
+        cut.append(points[-1])
+        points = np.stack(cut)
+    dense = [points[:1]]
+    for a, b in itertools.pairwise(points):
+        count = max(math.ceil(float(np.linalg.norm(b - a)) / 0.15), 1)
+        dense.append(a + (b - a) * (np.arange(1, count + 1) / count)[:, None])
+    return np.concatenate(dense)

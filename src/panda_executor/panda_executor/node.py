@@ -1,0 +1,134 @@
+"""The node `executor`: PickPlace goals in; trajectories and gripper commands out."""
+
+from __future__ import annotations
+
+import time
+
+from control_msgs.action import FollowJointTrajectory, GripperCommand
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.action import CancelResponse, GoalResponse
+from rclpy.action.server import ServerGoalHandle
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup, ReentrantCallbackGroup
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.node import Node
+from rclpy.qos import QoSProfile, qos_profile_sensor_data
+from sensor_msgs.msg import JointState, PointCloud2
+from std_msgs.msg import Empty
+from std_srvs.srv import Trigger
+
+from cliport_interfaces.action import PickPlace
+from cliport_perception.conversions import stamp_from_msg
+from cliport_perception.ros_action_server import ThreadedActionServer
+from panda_executor import conversions
+from panda_executor.action_arm import ActionArm
+from panda_executor.action_call import ActionCaller
+from panda_executor.action_gripper import ActionGripper
+from panda_executor.cloud_cache import CloudCache
+from panda_executor.gate import Gate
+from panda_executor.goal_session import GoalSession
+from panda_executor.health import assess
+from panda_executor.heartbeat import Heartbeat
+from panda_executor.joint_tracker import JointTracker
+from panda_executor.model import PandaModel
+from panda_executor.node_parameters import read_parameters
+from panda_executor.runner import PickPlaceRunner
+from panda_executor.transfer import TransferPlanner
+
+HEARTBEAT_TOPIC = "/panda_executor/heartbeat"
+
+
+class ExecutorNode(Node):
+    """Maps requests; what they mean is the runner's matter.
+
+    Raises:
+        ExecutorError, PerceptionError: when a parameter cannot be used.
+    """
+
+    def __init__(self) -> None:
+        super().__init__("panda_executor")
+        parameters = read_parameters(self)
+        robot, self._frame = parameters.robot, parameters.robot.base_frame
+        self.gate = Gate()
+        self._joints = JointTracker(robot.arm_joints, robot.finger_joints, parameters.max_joint_age)
+        self._clouds = CloudCache(parameters.max_cloud_age, parameters.cloud_behind)
+        calls = ReentrantCallbackGroup()
+        self._arm_caller = ActionCaller(self, FollowJointTrajectory, robot.arm_action, calls)
+        self._gripper_caller = ActionCaller(self, GripperCommand, robot.gripper_action, calls)
+        arm = ActionArm(self._arm_caller, self._joints, robot.arm_joints, self._now_ns)
+        self._gripper = ActionGripper(
+            self._gripper_caller, self._joints, self._now_ns, robot.gripper_reports_full_width
+        )
+        model = PandaModel(robot.limits)
+        planner = TransferPlanner(model, parameters.config)
+        runner = PickPlaceRunner(model, planner, arm, self._gripper)
+        self._session = GoalSession(runner, self._clouds, parameters, self.gate, self._now_ns)
+
+        data = MutuallyExclusiveCallbackGroup()
+        # Reliable, unlike for a camera's topics: a message of 16 MB rarely arrives whole by best effort.
+        newest = QoSProfile(depth=1)
+        self.create_subscription(
+            PointCloud2, "/cliport/points", self._clouds.put, newest, raw=True,
+            callback_group=MutuallyExclusiveCallbackGroup(),
+        )  # fmt: skip
+        self.create_subscription(
+            JointState, "/joint_states", self._on_joints, qos_profile_sensor_data, callback_group=data
+        )
+        services = ReentrantCallbackGroup()
+        self.create_service(Trigger, "/panda_executor/stop", self._on_stop, callback_group=services)
+        self.create_service(Trigger, "/panda_executor/resume", self._on_resume, callback_group=services)
+        self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(1.0, self._report, callback_group=services, clock=steady)
+        beats = self.create_publisher(Empty, HEARTBEAT_TOPIC, 10)
+        self._heartbeat = Heartbeat(lambda: beats.publish(Empty()))
+        self._server = ThreadedActionServer(
+            self, PickPlace, "/panda_executor/pick_place", self._execute, callback_group=calls,
+            goal_callback=self._on_goal, cancel_callback=lambda _: CancelResponse.ACCEPT,
+        )  # fmt: skip
+
+    def _now_ns(self) -> int:
+        return int(self.get_clock().now().nanoseconds)
+
+    def _on_joints(self, message: JointState) -> None:
+        self._joints.update(message.name, message.position, stamp_from_msg(message.header.stamp))
+
+    def _on_goal(self, _: PickPlace.Goal) -> GoalResponse:
+        refusal = self.gate.enter()
+        if refusal is None:
+            return GoalResponse.ACCEPT
+        self.get_logger().warning(f"goal rejected: {refusal}")
+        return GoalResponse.REJECT
+
+    def _execute(self, handle: ServerGoalHandle) -> PickPlace.Result:
+        try:
+            return self._session.run(handle, self.get_logger())
+        finally:
+            self.gate.leave()
+
+    def _on_stop(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        self.gate.latch("stopped on request")
+        self._gripper.stop()
+        response.success, response.message = True, "stopped; goals are rejected until /panda_executor/resume"
+        return response
+
+    def _on_resume(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        self.gate.release()
+        response.success, response.message = True, "goals are accepted"
+        return response
+
+    def _report(self) -> None:
+        now_ns = self._now_ns()
+        report = assess(
+            self._joints.age(now_ns), self._clouds.age(now_ns), self._arm_caller.is_ready(),
+            self._gripper_caller.is_ready(), self.gate.refusal(), self.gate.busy,
+        )  # fmt: skip
+        self._diagnostics.publish(conversions.diagnostics_to_msg(report, now_ns))
+
+    def close(self) -> None:
+        """Stop what runs, wait until the arm has been told, and end the heartbeat."""
+        self.gate.close()
+        deadline = time.monotonic() + 3.0
+        while self.gate.busy and time.monotonic() < deadline:
+            time.sleep(0.02)
+        self._heartbeat.stop()

@@ -1,0 +1,81 @@
+"""What the camera saw, as a grid of columns standing on the table."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from cliport_perception.workspace import WorkspaceSpec
+from panda_executor.limits import FloatArray
+
+BORDER = 0.1  # the grid reaches this far beyond the workspace: the hand is wider than its tcp [m]
+_EMPTY = -1.0  # height of a column in which nothing was seen [m]
+_MIN_POINTS = 2  # a single point in a cell is a flying pixel at an edge, not an object
+
+
+@dataclass(frozen=True, eq=False)
+class ObstacleGrid:
+    """Columns from the table up to the highest thing seen: heights (rows, cols) [m], -1 where free.
+
+    Rows run along y, columns along x, as in WorkspaceSpec. What stands in a column is taken to reach down to
+    the table: a camera that looks at a slant does not see under things.
+    """
+
+    heights: FloatArray
+    x_min: float
+    y_min: float
+    cell: float
+
+    @classmethod
+    def empty(cls, workspace: WorkspaceSpec, cell: float = 0.005) -> ObstacleGrid:
+        """Nothing on the table."""
+        rows = int(np.ceil((workspace.y_max - workspace.y_min + 2 * BORDER) / cell))
+        cols = int(np.ceil((workspace.x_max - workspace.x_min + 2 * BORDER) / cell))
+        return cls(np.full((rows, cols), _EMPTY), workspace.x_min - BORDER, workspace.y_min - BORDER, cell)
+
+    @classmethod
+    def from_cloud(
+        cls, cloud: npt.NDArray[np.float32], workspace: WorkspaceSpec, floor: float, cell: float = 0.005
+    ) -> ObstacleGrid:
+        """From points (N, 3) [m, base frame]; those at or below `floor` [m] are the table.
+
+        Points above the workspace's z_max are the arm itself, which waits above it, and are left out.
+        """
+        free = cls.empty(workspace, cell)
+        rows, cols = free.heights.shape
+        z = cloud[:, 2]
+        keep = (z > floor) & (z <= workspace.z_max)  # NaN compares false
+        points = cloud[keep]
+        row = np.floor((points[:, 1] - free.y_min) / cell).astype(np.int64)
+        col = np.floor((points[:, 0] - free.x_min) / cell).astype(np.int64)
+        inside = (row >= 0) & (row < rows) & (col >= 0) & (col < cols)
+        index = row[inside] * cols + col[inside]
+        heights = np.full(rows * cols, _EMPTY)
+        np.maximum.at(heights, index, points[inside, 2].astype(np.float64))
+        heights[np.bincount(index, minlength=rows * cols) < _MIN_POINTS] = _EMPTY
+        return cls(heights.reshape(rows, cols), free.x_min, free.y_min, cell)
+
+    def heights_at(self, x: FloatArray, y: FloatArray) -> FloatArray:
+        """Column heights under positions of any shape [m, base frame]; free outside the grid."""
+        rows, cols = self.heights.shape
+        row = np.floor((y - self.y_min) / self.cell).astype(np.int64)
+        col = np.floor((x - self.x_min) / self.cell).astype(np.int64)
+        inside = (row >= 0) & (row < rows) & (col >= 0) & (col < cols)
+        found = self.heights[np.where(inside, row, 0), np.where(inside, col, 0)]
+        return np.where(inside, found, _EMPTY)
+
+    def hits(self, points: FloatArray) -> npt.NDArray[np.bool_]:
+        """Which points (..., 3) [m, base frame] lie inside a column."""
+        inside: npt.NDArray[np.bool_] = points[..., 2] < self.heights_at(points[..., 0], points[..., 1])
+        return inside
+
+    def without(self, points: FloatArray) -> ObstacleGrid:
+        """The same grid with the columns that hold any of the points (N, 3) set free."""
+        hit = points[self.hits(points)]
+        heights = self.heights.copy()
+        row = np.floor((hit[:, 1] - self.y_min) / self.cell).astype(np.int64)
+        col = np.floor((hit[:, 0] - self.x_min) / self.cell).astype(np.int64)
+        heights[row, col] = _EMPTY
+        return ObstacleGrid(heights, self.x_min, self.y_min, self.cell)

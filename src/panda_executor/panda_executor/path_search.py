@@ -1,0 +1,119 @@
+"""Paths in joint space: the straight line where it is free, RRT* with simplification elsewhere."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+import numpy as np
+from ompl import base, geometric, util
+
+from panda_executor.config import SearchConfig
+from panda_executor.errors import PlanningError
+from panda_executor.limits import ARM_DOF, FloatArray
+from panda_executor.scene import Scene
+
+_RESOLUTION = 0.02  # between two configurations that are checked on a line [rad]
+
+# OMPL complains at each new seed that one was used before; the objects made after it do follow the new one.
+util.setLogLevel(util.LOG_NONE)
+
+
+def line_is_free(scene: Scene, start: FloatArray, goal: FloatArray) -> bool:
+    """Whether the straight line in joint space, ends included, is valid at every 0.02 rad."""
+    count = int(np.ceil(float(np.abs(goal - start).max()) / _RESOLUTION)) + 1
+    # The middle first: that is where a line that is not free fails most often.
+    shares = np.linspace(0.0, 1.0, max(count, 2))
+    order = np.argsort(np.abs(shares - 0.5), kind="stable")
+    return all(scene.is_valid(start + share * (goal - start)) for share in shares[order])
+
+
+def find_path(
+    scene: Scene,
+    start: FloatArray,
+    goal: FloatArray,
+    config: SearchConfig,
+    clock: Callable[[], float] = time.monotonic,
+) -> FloatArray:
+    """Waypoints (N, 7) [rad] from start to goal; the segments between them are valid at every 0.02 rad.
+
+    Deterministic for a seed as long as max_checks ends the search before time_limit does.
+
+    Raises:
+        PlanningError: when an end is not valid, or no path was found within the bounds.
+    """
+    for name, positions in (("start", start), ("end", goal)):
+        problem = scene.problem(positions)
+        if problem is not None:
+            raise PlanningError(f"the motion cannot {name} there: {problem}")
+    if line_is_free(scene, start, goal):
+        return np.stack([start, goal])
+    return _RrtStar(scene, config, clock).solve(start, goal)
+
+
+class _RrtStar:
+    """One search; OMPL's objects live as long as it does."""
+
+    def __init__(self, scene: Scene, config: SearchConfig, clock: Callable[[], float]) -> None:
+        util.RNG.setSeed(config.seed)
+        self._scene, self._config, self._clock = scene, config, clock
+        self._checks = 0
+        limits = scene.model.limits
+        space = base.RealVectorStateSpace(ARM_DOF)
+        bounds = base.RealVectorBounds(ARM_DOF)
+        for joint in range(ARM_DOF):
+            bounds.setLow(joint, float(limits.lower[joint]))
+            bounds.setHigh(joint, float(limits.upper[joint]))
+        space.setBounds(bounds)
+        self._space = space
+        self._information = base.SpaceInformation(space)
+        self._information.setStateValidityChecker(self._is_valid)
+        # A share of the space's extent; a joint moves at most as far as the whole configuration does.
+        extent = float(np.linalg.norm(limits.upper - limits.lower))
+        self._information.setStateValidityCheckingResolution(_RESOLUTION / extent)
+        self._information.setup()
+
+    def _is_valid(self, state: base.State) -> bool:
+        self._checks += 1
+        return self._scene.is_valid(self._positions(state))
+
+    @staticmethod
+    def _positions(state: base.State) -> FloatArray:
+        return np.array([state[joint] for joint in range(ARM_DOF)])
+
+    def _state(self, positions: FloatArray) -> base.State:
+        state = self._space.allocState()
+        for joint in range(ARM_DOF):
+            state[joint] = float(positions[joint])
+        return state
+
+    def solve(self, start: FloatArray, goal: FloatArray) -> FloatArray:
+        problem = base.ProblemDefinition(self._information)
+        problem.setStartAndGoalStates(self._state(start), self._state(goal), 1e-4)
+        planner = geometric.RRTstar(self._information)
+        planner.setRange(self._config.step)
+        planner.setGoalBias(self._config.goal_bias)
+        planner.setProblemDefinition(problem)
+        planner.setup()
+        deadline = self._clock() + self._config.time_limit
+        enough = self._config.max_checks
+
+        def done() -> bool:
+            if problem.hasExactSolution() and self._checks > enough // 4:
+                return True
+            return self._checks > enough or self._clock() > deadline
+
+        planner.solve(base.PlannerTerminationCondition(done))
+        if not problem.hasExactSolution():
+            raise PlanningError(
+                f"no way round the obstacles was found in {self._checks} checks; "
+                "clear the table or raise the search's time_limit"
+            )
+        path = problem.getSolutionPath()
+        simplifier = geometric.PathSimplifier(self._information)
+        simplifier.reduceVertices(path)
+        simplifier.partialShortcutPath(path, self._config.shortcuts, self._config.shortcuts)
+        simplifier.collapseCloseVertices(path)
+        waypoints = [self._positions(path.getState(i)) for i in range(path.getStateCount())]
+        waypoints[0], waypoints[-1] = start, goal
+        return np.stack(waypoints)

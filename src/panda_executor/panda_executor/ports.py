@@ -1,0 +1,69 @@
+"""What the core needs of an arm and a gripper; a simulator, a driver or a test hands in its own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import Enum
+from typing import Protocol
+
+from panda_executor.limits import FloatArray
+from panda_executor.trajectory import JointTrajectory
+
+ShouldStop = Callable[[], bool]
+
+
+class MotionStatus(Enum):
+    """How a motion ended."""
+
+    SUCCEEDED = "succeeded"
+    ABORTED = "aborted"
+    REJECTED = "rejected"
+    CANCELLED = "cancelled"
+    TIMED_OUT = "timed out"
+    UNAVAILABLE = "unavailable"
+
+
+@dataclass(frozen=True)
+class MotionResult:
+    """The end of one motion; the message says why when it did not succeed."""
+
+    status: MotionStatus
+    message: str = ""
+
+
+@dataclass(frozen=True)
+class GripperResult:
+    """width between the fingers [m]; stalled: stopped by something; reached_goal: at the width asked for.
+
+    status tells a gripper that could not move from one that was stopped by an object.
+    """
+
+    width: float
+    stalled: bool
+    reached_goal: bool
+    status: MotionStatus = MotionStatus.SUCCEEDED
+    message: str = ""
+
+
+class ArmPort(Protocol):
+    """Seven joints that follow trajectories."""
+
+    def joint_positions(self) -> FloatArray:
+        """(7,) [rad] as last measured."""
+
+    def execute(self, trajectory: JointTrajectory, should_stop: ShouldStop) -> MotionResult:
+        """Follow a trajectory to its end. When should_stop turns true the arm stops and holds."""
+
+
+class GripperPort(Protocol):
+    """Two fingers that move together."""
+
+    def width(self) -> float:
+        """Full distance between the fingers [m], 0 to 0.08."""
+
+    def move(self, width: float, max_effort: float, should_stop: ShouldStop) -> GripperResult:
+        """Go to a full width [m] with at most max_effort [N]; being stopped by an object is a success."""
+
+    def stop(self) -> None:
+        """Stay where it is."""

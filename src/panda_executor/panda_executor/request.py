@@ -1,0 +1,70 @@
+"""What is asked of the executor, the phases it goes through, and how it ends."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+from cliport_perception.pose import PlanarPose
+from panda_executor.limits import FloatArray
+
+
+class Primitive(IntEnum):
+    """What to do with the two poses; values as in the PickPlace action."""
+
+    PICK_PLACE = 0
+    SWEEP = 1
+    FOLD = 2
+
+
+class Outcome(IntEnum):
+    """How a request ended; values as in the PickPlace action."""
+
+    SUCCEEDED = 0
+    PLANNED = 1
+    REJECTED = 2
+    PLANNING_FAILED = 3
+    EXECUTION_FAILED = 4
+    GRASP_MISSED = 5
+    DROPPED = 6
+    CANCELLED = 7
+
+
+class Phase(IntEnum):
+    """Where a request stands; values as in the PickPlace action."""
+
+    VALIDATING = 0
+    GRASP_PLANNING = 1
+    GO_ABOVE_PICK = 2
+    DESCEND = 3
+    CLOSE = 4
+    RAISE = 5
+    CARRY = 6
+    LOWER = 7
+    OPEN = 8
+    RETREAT = 9
+    DONE = 10
+
+
+@dataclass(frozen=True)
+class PickPlaceRequest:
+    """Poses on the table [m, rad; base frame]. The yaw is the direction in which the jaws close (see ik.py).
+
+    pick.yaw is the gripper's at the pick, place.yaw the gripper's at the place: their difference turns the
+    object. With plan_only nothing moves.
+    """
+
+    pick: PlanarPose
+    place: PlanarPose
+    primitive: Primitive = Primitive.PICK_PLACE
+    plan_only: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class PickPlaceResult:
+    """The end of a request: one line of message; what is known of the grasp: centroid (3,) [m], width [m]."""
+
+    outcome: Outcome
+    message: str
+    grasp_centroid: FloatArray | None
+    gripper_width: float

@@ -1,0 +1,76 @@
+"""Why a request is refused before anything is planned: form, bounds, reach, and the cloud."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from cliport_perception.pose import PlanarPose
+from cliport_perception.workspace import WorkspaceSpec
+from panda_executor.errors import InverseKinematicsError, RequestError
+from panda_executor.ik import HandDownIk, hand_down_pose
+from panda_executor.limits import FloatArray
+from panda_executor.request import PickPlaceRequest
+
+_REACH_HEIGHT = 0.03  # above the table, where a grasp usually is [m]
+
+
+def check_request(request: PickPlaceRequest, workspace: WorkspaceSpec) -> None:
+    """Poses are finite and inside the workspace.
+
+    Raises:
+        RequestError: names the pose and the bounds.
+    """
+    for name, pose in (("pick", request.pick), ("place", request.place)):
+        if not all(math.isfinite(value) for value in (pose.x, pose.y, pose.yaw)):
+            raise RequestError(f"the {name} pose is not finite: ({pose.x}, {pose.y}, {pose.yaw})")
+        if not workspace.contains_xy(pose.x, pose.y):
+            raise RequestError(
+                f"the {name} ({pose.x:.3f}, {pose.y:.3f}) m is outside the workspace "
+                f"x {workspace.x_min:g}..{workspace.x_max:g}, y {workspace.y_min:g}..{workspace.y_max:g} m"
+            )
+
+
+def check_reach(request: PickPlaceRequest, ik: HandDownIk, positions: FloatArray, table_z: float) -> None:
+    """The hand, pointing down, can be at both poses, one way round or the other.
+
+    Raises:
+        RequestError: names the pose that cannot be reached.
+    """
+    for name, pose in (("pick", request.pick), ("place", request.place)):
+        if not _reaches(pose, ik, positions, table_z + _REACH_HEIGHT):
+            raise RequestError(f"the {name} ({pose.x:.3f}, {pose.y:.3f}) m is out of reach with the hand pointing down")
+
+
+def _reaches(pose: PlanarPose, ik: HandDownIk, positions: FloatArray, z: float) -> bool:
+    for flip in (0.0, math.pi):
+        try:
+            ik.solve_all(hand_down_pose(pose.x, pose.y, z, pose.yaw + flip), positions)
+            return True
+        except InverseKinematicsError:
+            continue
+    return False
+
+
+def check_cloud(cloud: npt.NDArray[np.float32]) -> None:
+    """The cloud is (N, 3) and holds points.
+
+    Raises:
+        RequestError: says what is wrong with it.
+    """
+    if cloud.ndim != 2 or cloud.shape[1] != 3:
+        raise RequestError(f"the cloud must have shape (N, 3), got {cloud.shape}")
+    if not np.isfinite(cloud[:, 2]).any():
+        raise RequestError("the point cloud holds no valid point; check the camera's depth")
+
+
+def check_positions(positions: FloatArray) -> None:
+    """The arm reports seven finite joint positions [rad].
+
+    Raises:
+        RequestError: when it does not.
+    """
+    if positions.shape != (7,) or not np.all(np.isfinite(positions)):
+        raise RequestError(f"the arm's joint positions are not seven finite numbers: {positions.tolist()}")

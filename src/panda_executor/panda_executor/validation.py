@@ -1,0 +1,110 @@
+"""The last look at a trajectory before it is sent: nothing moves that did not pass here."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from panda_executor.errors import TrajectoryError
+from panda_executor.limits import FloatArray, JointLimits
+from panda_executor.scene import Scene
+from panda_executor.trajectory import JointTrajectory
+
+MAX_JOINT_STEP = 0.02  # between two configurations that are checked [rad]
+MAX_TCP_STEP = 0.01  # [m]
+_SUBSTEPS = 4  # between two points, where the controller interpolates
+_TOLERANCE = 1.02  # on velocity, acceleration and jerk: rounding of the interpolation
+
+
+def validate_trajectory(
+    trajectory: JointTrajectory,
+    limits: JointLimits,
+    scene: Scene,
+    start: FloatArray | None = None,
+    start_tolerance: float = 0.02,
+) -> None:
+    """Check form, limits and collisions of what the controller will do with a trajectory.
+
+    Args:
+        limits: position, velocity, acceleration and jerk that must hold between the points, too.
+        scene: the hand as it is during this motion, and what it must not touch.
+        start: where the arm is now (7,) [rad]; the trajectory must begin there, within start_tolerance [rad].
+
+    Raises:
+        TrajectoryError: names the first thing that is wrong.
+    """
+    _check_form(trajectory)
+    if start is not None:
+        mismatch = float(np.abs(trajectory.start - start).max())
+        if not mismatch <= start_tolerance:
+            raise TrajectoryError(
+                f"the arm is {mismatch:.3f} rad away from where the motion begins "
+                f"(at most {start_tolerance:g}); observe again before moving"
+            )
+    fine = np.unique(
+        np.concatenate(
+            [
+                trajectory.times[:-1] + (trajectory.times[1:] - trajectory.times[:-1]) * i / _SUBSTEPS
+                for i in range(_SUBSTEPS)
+            ]
+            + [trajectory.times[-1:]]
+        )
+    )
+    position, velocity, acceleration, jerk = trajectory.sample(fine)
+    _check_limits(trajectory, limits, position, velocity, acceleration, jerk)
+    _check_collisions(scene, dense_positions(position, scene))
+
+
+def _check_form(trajectory: JointTrajectory) -> None:
+    for name in ("times", "positions", "velocities", "accelerations"):
+        if not np.all(np.isfinite(getattr(trajectory, name))):
+            raise TrajectoryError(f"the trajectory's {name} are not all finite")
+    if trajectory.times[0] < 0.0 or not np.all(np.diff(trajectory.times) > 0.0):
+        raise TrajectoryError("the trajectory's times do not strictly increase from zero")
+    for name, row in (("first", 0), ("last", -1)):
+        if np.any(trajectory.velocities[row] != 0.0):
+            raise TrajectoryError(f"the trajectory's {name} velocity is not zero")
+
+
+def _check_limits(
+    trajectory: JointTrajectory,
+    limits: JointLimits,
+    position: FloatArray,
+    velocity: FloatArray,
+    acceleration: FloatArray,
+    jerk: FloatArray,
+) -> None:
+    if not limits.contains(position, 1e-6):
+        excess = np.maximum(position - limits.upper, limits.lower - position).max(axis=0)
+        joint = int(np.argmax(excess))
+        raise TrajectoryError(
+            f"{trajectory.joint_names[joint]} would pass its position limit by {excess[joint]:.3f} rad"
+        )
+    for name, values, bound in (
+        ("velocity", velocity, limits.velocity),
+        ("acceleration", acceleration, limits.acceleration),
+        ("jerk", jerk, limits.jerk),
+    ):
+        ratio = np.abs(values).max(axis=0) / bound
+        joint = int(np.argmax(ratio))
+        if ratio[joint] > _TOLERANCE:
+            raise TrajectoryError(
+                f"{trajectory.joint_names[joint]} would reach {ratio[joint]:.2f} times its {name} limit"
+            )
+
+
+def dense_positions(positions: FloatArray, scene: Scene) -> FloatArray:
+    """Configurations along (N, 7) no further apart than 0.02 rad in any joint and 1 cm at the tcp: (M, 7)."""
+    tcp = np.array([scene.model.tcp_arrays(row)[1] for row in positions])
+    joint_steps = np.abs(np.diff(positions, axis=0)).max(axis=1) / MAX_JOINT_STEP
+    tcp_steps = np.linalg.norm(np.diff(tcp, axis=0), axis=1) / MAX_TCP_STEP
+    travelled = np.concatenate([[0.0], np.cumsum(np.maximum(joint_steps, tcp_steps))])
+    count = int(np.ceil(travelled[-1])) + 1
+    wanted = np.linspace(0.0, travelled[-1], max(count, 2))
+    dense = [np.interp(wanted, travelled, positions[:, joint]) for joint in range(positions.shape[1])]
+    return np.stack(dense, axis=1)
+
+
+def _check_collisions(scene: Scene, configurations: FloatArray) -> None:
+    for positions in configurations:
+        if not scene.is_valid(positions):
+            raise TrajectoryError(f"on the way {scene.problem(positions)}")

@@ -1,0 +1,22 @@
+from setuptools import find_packages, setup
+
+package_name = "panda_executor"
+
+setup(
+    name=package_name,
+    version="0.1.0",
+    packages=find_packages(exclude=["test"]),
+    package_data={package_name: ["py.typed"]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", ["resource/" + package_name]),
+        ("share/" + package_name, ["package.xml"]),
+    ],
+    install_requires=["setuptools"],
+    zip_safe=True,
+    maintainer="CLIPort ROS maintainers",
+    maintainer_email="maintainers@cliport-ros.invalid",
+    description="Grasp, motion planning and execution of pick and place for a Panda.",
+    license="Apache-2.0",
+    tests_require=["pytest"],
+    entry_points={"console_scripts": ["executor = panda_executor.main:main"]},
+)

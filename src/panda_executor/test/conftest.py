@@ -1,0 +1,49 @@
+"""One model, one planner and the usual table, shared by the tests."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+from cliport_perception.workspace import WorkspaceSpec
+from panda_executor.hand_geometry import HandShape
+from panda_executor.model import PandaModel
+from panda_executor.obstacle_grid import ObstacleGrid
+from panda_executor.scene import Scene
+from panda_executor.transfer import TransferPlanner
+
+sys.path.insert(0, str(Path(__file__).parent))  # for synthetic_clouds: pytest's importlib mode adds no folder
+
+from synthetic_clouds import Bowl, Cube, cloud_of
+
+
+@pytest.fixture(scope="session")
+def planner() -> TransferPlanner:
+    return TransferPlanner(PandaModel())
+
+
+@pytest.fixture(scope="session")
+def model(planner: TransferPlanner) -> PandaModel:
+    """With table, camera and post around it."""
+    return planner.model
+
+
+@pytest.fixture(scope="session")
+def workspace() -> WorkspaceSpec:
+    return WorkspaceSpec()
+
+
+@pytest.fixture(scope="session")
+def free_scene(planner: TransferPlanner, workspace: WorkspaceSpec) -> Scene:
+    """The open hand over an empty table."""
+    return planner.scene(ObstacleGrid.empty(workspace), HandShape())
+
+
+@pytest.fixture(scope="session")
+def table_cloud() -> npt.NDArray[np.float32]:
+    """A cube at (0.45, 0.1) turned by 0.3 rad, a bowl at (0.5, -0.2)."""
+    return cloud_of([Cube(0.45, 0.1, 0.3)], [Bowl(0.5, -0.2)])

@@ -1,0 +1,203 @@
+"""Paths round obstacles, and plans that hold when every centimetre is checked again."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from synthetic_clouds import Bowl, Cube, cloud_of
+
+from cliport_perception.pose import PlanarPose
+from cliport_perception.workspace import WorkspaceSpec
+from panda_executor.config import SearchConfig
+from panda_executor.errors import GraspError, PlanningError
+from panda_executor.hand_geometry import HandShape
+from panda_executor.ik import hand_down_pose, yaw_of_hand
+from panda_executor.limits import READY_POSITIONS, FloatArray
+from panda_executor.motions import Motion
+from panda_executor.obstacle_grid import BORDER, ObstacleGrid
+from panda_executor.path_search import find_path, line_is_free
+from panda_executor.request import Phase, PickPlaceRequest, Primitive
+from panda_executor.scene import Scene
+from panda_executor.transfer import PickPlacePlan, TransferPlanner
+
+
+def check_densely(motion: Motion) -> None:
+    """Walk the interpolated trajectory in steps below 1 cm and 0.02 rad; every one must be free."""
+    scene, trajectory = motion.scene, motion.trajectory
+    count = 50
+    while True:
+        positions = trajectory.sample(np.linspace(0.0, trajectory.duration, count))[0]
+        tcp = np.array([scene.model.tcp_arrays(q)[1] for q in positions])
+        tcp_step = np.linalg.norm(np.diff(tcp, axis=0), axis=1).max()
+        if tcp_step <= 0.01 and np.abs(np.diff(positions, axis=0)).max() <= 0.02:
+            break
+        count *= 2
+    for q in positions:
+        assert scene.problem(q) is None, f"{motion.phase.name}: {scene.problem(q)}"
+
+
+def above(planner: TransferPlanner, x: float, y: float, z: float) -> FloatArray:
+    return planner.ik.solve_all(hand_down_pose(x, y, z, 0.0), READY_POSITIONS)[0].positions
+
+
+@pytest.fixture
+def walled(planner: TransferPlanner, workspace: WorkspaceSpec) -> Scene:
+    """A wall along x across the workspace, 15 cm high."""
+    x, z = np.meshgrid(np.arange(0.3, 0.75, 0.002), np.arange(0.0, 0.15, 0.01))
+    wall = [np.stack([x, 0 * x + y, z], axis=-1).reshape(-1, 3) for y in (-0.006, 0.0, 0.006)]
+    cloud = np.concatenate(wall).astype(np.float32)
+    return planner.scene(ObstacleGrid.from_cloud(cloud, workspace, 0.012), HandShape())
+
+
+def test_a_wall_is_gone_round(planner: TransferPlanner, walled: Scene) -> None:
+    start, goal = (above(planner, 0.5, y, 0.08) for y in (-0.2, 0.2))
+    assert not line_is_free(walled, start, goal)
+    motion = planner.motions.travel(Phase.CARRY, start, goal, walled)
+    np.testing.assert_allclose(motion.trajectory.start, start)
+    np.testing.assert_allclose(motion.trajectory.end, goal)
+    check_densely(motion)
+
+
+def test_the_same_seed_finds_the_same_way(planner: TransferPlanner, walled: Scene) -> None:
+    start, goal = (above(planner, 0.5, y, 0.08) for y in (-0.2, 0.2))
+    config = SearchConfig(time_limit=60.0)
+    a, b = (find_path(walled, start, goal, config) for _ in range(2))
+    np.testing.assert_array_equal(a, b)
+    assert all(line_is_free(walled, p, q) for p, q in zip(a[:-1], a[1:], strict=True))
+
+
+def test_a_free_line_is_taken(planner: TransferPlanner, free_scene: Scene) -> None:
+    start, goal = (above(planner, 0.5, y, 0.08) for y in (-0.2, 0.2))
+    np.testing.assert_array_equal(find_path(free_scene, start, goal, SearchConfig()), [start, goal])
+
+
+def test_ends_that_touch_are_named(planner: TransferPlanner, walled: Scene) -> None:
+    inside, free = above(planner, 0.5, 0.0, 0.05), above(planner, 0.5, 0.2, 0.08)
+    with pytest.raises(PlanningError, match="cannot start there: the hand would touch"):
+        find_path(walled, inside, free, SearchConfig())
+    with pytest.raises(PlanningError, match="cannot end there: the hand would touch"):
+        find_path(walled, free, inside, SearchConfig())
+
+
+def test_the_search_ends_at_its_bounds(planner: TransferPlanner, walled: Scene) -> None:
+    start, goal = (above(planner, 0.5, y, 0.08) for y in (-0.2, 0.2))
+    for config, clock in (
+        (SearchConfig(max_checks=20, time_limit=60.0), lambda: 0.0),
+        (SearchConfig(), iter(range(0, 100000, 5)).__next__),
+    ):
+        with pytest.raises(PlanningError, match=r"no way round .* in \d+ checks"):
+            find_path(walled, start, goal, config, clock)
+
+
+def test_a_straight_motion_keeps_to_its_line(planner: TransferPlanner, free_scene: Scene) -> None:
+    start = above(planner, 0.5, 0.1, 0.2)
+    motion = planner.motions.straight(Phase.DESCEND, start, hand_down_pose(0.5, 0.1, 0.02, 0.0), free_scene)
+    assert motion is not None
+    times = np.linspace(0.0, motion.trajectory.duration, 100)
+    tcp = np.array([planner.model.tcp_arrays(q)[1] for q in motion.trajectory.sample(times)[0]])
+    assert np.linalg.norm(tcp[:, :2] - [0.5, 0.1], axis=1).max() < 0.002
+    assert tcp[-1, 2] == pytest.approx(0.02, abs=1e-4)
+    back = planner.motions.reversed(Phase.RAISE, motion, free_scene).trajectory
+    for a, b in zip(back.sample(motion.trajectory.duration - times)[:3], motion.trajectory.sample(times)[:3]):
+        np.testing.assert_allclose(np.abs(a), np.abs(b), atol=1e-6)
+
+
+def test_a_straight_motion_into_the_table_is_none(planner: TransferPlanner, free_scene: Scene) -> None:
+    start = above(planner, 0.5, 0.1, 0.2)
+    assert planner.motions.straight(Phase.DESCEND, start, hand_down_pose(0.5, 0.1, -0.01, 0.0), free_scene) is None
+
+
+def scene_of(seed: int) -> tuple[np.ndarray, PickPlaceRequest]:
+    """Two cubes and a bowl far enough apart; the first cube is to go into the bowl."""
+    random = np.random.default_rng(seed)
+    spots: list[np.ndarray] = []
+    while len(spots) < 3:
+        spot = random.uniform([0.3, -0.32], [0.6, 0.32])
+        if all(np.linalg.norm(spot - other) > 0.13 for other in spots):
+            spots.append(spot)
+    yaws = random.uniform(-math.pi, math.pi, 2)
+    cubes = [Cube(float(x), float(y), float(yaw)) for (x, y), yaw in zip(spots[:2], yaws, strict=True)]
+    bowl = Bowl(float(spots[2][0]), float(spots[2][1]))
+    pick = PlanarPose(cubes[0].x, cubes[0].y, cubes[0].yaw)
+    return cloud_of(cubes, [bowl], 0.001, seed), PickPlaceRequest(pick, PlanarPose(bowl.x, bowl.y, float(yaws[1])))
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_plans_hold_when_checked_densely(planner: TransferPlanner, workspace: WorkspaceSpec, seed: int) -> None:
+    cloud, request = scene_of(seed)
+    plan = planner.plan(request, cloud, workspace, READY_POSITIONS)
+    here = READY_POSITIONS
+    for motion in plan.motions:
+        np.testing.assert_allclose(motion.trajectory.start, here, atol=1e-6)
+        check_densely(motion)
+        here = motion.trajectory.end
+    np.testing.assert_allclose(here, planner.ready)
+    check_ends(planner, request, plan)
+
+
+def check_ends(planner: TransferPlanner, request: PickPlaceRequest, plan: PickPlacePlan) -> None:
+    """The hand stops at the grasp and at the place, pointing down, turned as asked."""
+    pick = planner.model.tcp_pose(plan.descend.trajectory.end)
+    place = planner.model.tcp_pose(plan.lower.trajectory.end)
+    for pose in (pick, place):
+        assert pose.rotation[2, 2] == pytest.approx(-1.0, abs=1e-5)
+    np.testing.assert_allclose(pick.translation, [*plan.grasp.centroid[:2], plan.grasp.tcp_z], atol=1e-4)
+    np.testing.assert_allclose(place.translation[:2], [request.place.x, request.place.y], atol=1e-4)
+    turned = yaw_of_hand(place) - yaw_of_hand(pick) - (request.place.yaw - request.pick.yaw)
+    assert math.cos(turned) == pytest.approx(1.0, abs=1e-6)
+
+
+def test_no_plan_has_a_reason(planner: TransferPlanner, workspace: WorkspaceSpec, table_cloud: np.ndarray) -> None:
+    request = PickPlaceRequest(PlanarPose(0.6, 0.3, 0.0), PlanarPose(0.5, -0.2, 0.0))
+    with pytest.raises(GraspError, match="nothing rises"):
+        planner.plan(request, table_cloud, workspace, READY_POSITIONS)
+
+
+def test_a_place_under_a_tower_is_refused(planner: TransferPlanner, workspace: WorkspaceSpec) -> None:
+    towers = [Cube(0.45 + dx, -0.2 + dy, size=(0.04, 0.04, 0.2)) for dx in (-0.06, 0.06) for dy in (-0.06, 0.06)]
+    request = PickPlaceRequest(PlanarPose(0.45, 0.15, 0.0), PlanarPose(0.45, -0.2, 0.0))
+    with pytest.raises(PlanningError, match="no room for hand and object at the place") as caught:
+        planner.plan(request, cloud_of([Cube(0.45, 0.15), *towers]), workspace, READY_POSITIONS)
+    assert "\n" not in str(caught.value)
+
+
+def test_planning_ends_when_its_time_is_up(model, workspace: WorkspaceSpec, table_cloud: np.ndarray) -> None:
+    late = TransferPlanner(model, clock=iter(range(0, 1000, 100)).__next__)
+    request = PickPlaceRequest(PlanarPose(0.45, 0.1, 0.3), PlanarPose(0.5, -0.2, 0.3))
+    with pytest.raises(PlanningError, match="planning took too long"):
+        late.plan(request, table_cloud, workspace, READY_POSITIONS)
+
+
+@pytest.mark.parametrize("primitive", [Primitive.SWEEP, Primitive.FOLD])
+def test_a_drag_follows_the_table(planner: TransferPlanner, workspace: WorkspaceSpec, primitive: Primitive) -> None:
+    from panda_executor.drag import plan_drag
+
+    request = PickPlaceRequest(PlanarPose(0.45, -0.1, 0.0), PlanarPose(0.5, 0.1, 0.5), primitive)
+    plan = plan_drag(planner, request, cloud_of([Cube(0.46, 0.0)]), workspace, READY_POSITIONS)
+    for motion in (plan.go_above, plan.descend, plan.drag, plan.leave, plan.retreat):
+        check_densely(motion)
+    tcp = np.array([planner.model.tcp_arrays(q)[1] for q in plan.drag.trajectory.positions])
+    assert np.ptp(tcp[:, 2]) < 0.002
+    np.testing.assert_allclose(tcp[[0, -1], :2], [[0.45, -0.1], [0.5, 0.1]], atol=1e-4)
+    assert plan.opening == (0.0 if primitive is Primitive.SWEEP else 0.04)
+
+
+def test_a_drag_stops_at_something_tall(planner: TransferPlanner, workspace: WorkspaceSpec) -> None:
+    from panda_executor.drag import plan_drag
+
+    request = PickPlaceRequest(PlanarPose(0.45, -0.15, 0.0), PlanarPose(0.45, 0.15, 0.0), Primitive.SWEEP)
+    cloud = cloud_of([Cube(0.45, 0.0, size=(0.04, 0.04, 0.15))])
+    with pytest.raises(PlanningError, match="sweep from the pick to the place"):
+        plan_drag(planner, request, cloud, workspace, READY_POSITIONS)
+
+
+def test_columns_hold_what_was_seen(workspace: WorkspaceSpec) -> None:
+    cloud = np.array([[0.45, 0.1, 0.05], [0.45, 0.1, 0.03], [0.5, 0.0, 0.1], [np.nan] * 3, [0.6, 0.0, 0.005]])
+    grid = ObstacleGrid.from_cloud(cloud.astype(np.float32), workspace, 0.012)
+    inside = np.array([[0.45, 0.1, 0.02], [0.45, 0.1, 0.06], [0.5, 0.0, 0.02], [0.6, 0.0, 0.001], [9.0, 9.0, 0.0]])
+    np.testing.assert_array_equal(grid.hits(inside), [True, False, False, False, False])  # one point is no object
+    assert not grid.without(inside).hits(inside).any()
+    assert grid.heights.shape == ObstacleGrid.empty(workspace).heights.shape
+    assert grid.x_min == workspace.x_min - BORDER

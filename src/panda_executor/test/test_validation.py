@@ -1,0 +1,119 @@
+"""No fault passes the last look."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from panda_executor.errors import TrajectoryError
+from panda_executor.ik import hand_down_pose
+from panda_executor.limits import PANDA_LIMITS, READY_POSITIONS, FloatArray
+from panda_executor.model import PandaModel
+from panda_executor.obstacle_grid import ObstacleGrid
+from panda_executor.scene import Scene
+from panda_executor.timing import time_path
+from panda_executor.trajectory import JointTrajectory
+from panda_executor.transfer import TransferPlanner
+from panda_executor.validation import MAX_JOINT_STEP, MAX_TCP_STEP, dense_positions, validate_trajectory
+
+ASIDE = READY_POSITIONS + np.array([0.4, 0.1, 0.0, 0.1, 0.0, 0.1, 0.3])
+
+
+@pytest.fixture
+def good(model: PandaModel) -> JointTrajectory:
+    return time_path(np.stack([READY_POSITIONS, ASIDE]), PANDA_LIMITS.scaled(0.5, 0.5, 0.5), model, 1.0)
+
+
+def refuse(trajectory: JointTrajectory, scene: Scene, words: str, start: FloatArray | None = None) -> None:
+    with pytest.raises(TrajectoryError, match=words) as caught:
+        validate_trajectory(trajectory, PANDA_LIMITS, scene, start)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_good_one_passes(good: JointTrajectory, free_scene: Scene) -> None:
+    validate_trajectory(good, PANDA_LIMITS, free_scene, READY_POSITIONS + 0.019)
+
+
+@pytest.mark.parametrize("name", ["times", "positions", "velocities", "accelerations"])
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_numbers_that_are_not_finite(good: JointTrajectory, free_scene: Scene, name: str, value: float) -> None:
+    array = getattr(good, name).copy()
+    array[len(array) // 2] = value
+    refuse(replace(good, **{name: array}), free_scene, f"{name} are not all finite")
+
+
+@pytest.mark.parametrize("shift", [0.0, -0.01])
+def test_times_that_do_not_increase(good: JointTrajectory, free_scene: Scene, shift: float) -> None:
+    times = good.times.copy()
+    times[5] = times[4] + shift
+    refuse(replace(good, times=times), free_scene, "strictly increase")
+    refuse(replace(good, times=good.times - 0.1), free_scene, "strictly increase")
+
+
+@pytest.mark.parametrize(("row", "name"), [(0, "first"), (-1, "last")])
+def test_ends_that_move(good: JointTrajectory, free_scene: Scene, row: int, name: str) -> None:
+    velocities = good.velocities.copy()
+    velocities[row, 2] = 0.01
+    refuse(replace(good, velocities=velocities), free_scene, f"{name} velocity is not zero")
+
+
+@pytest.mark.parametrize("offset", [0.05, np.nan])
+def test_an_arm_that_is_elsewhere(good: JointTrajectory, free_scene: Scene, offset: float) -> None:
+    elsewhere = READY_POSITIONS.copy()
+    elsewhere[3] += offset
+    refuse(good, free_scene, "observe again", elsewhere)
+
+
+@pytest.mark.parametrize("joint", range(7))
+def test_positions_beyond_a_joint_limit(model: PandaModel, free_scene: Scene, joint: int) -> None:
+    beyond = READY_POSITIONS.copy()
+    beyond[joint] = PANDA_LIMITS.upper[joint] + 0.05
+    motion = time_path(np.stack([READY_POSITIONS, beyond]), PANDA_LIMITS.scaled(0.5, 0.5, 0.5), model, 1.0)
+    refuse(motion, free_scene, rf"panda_joint{joint + 1} would pass its position limit by 0\.050 rad")
+
+
+def test_motions_that_are_too_fast(good: JointTrajectory, free_scene: Scene) -> None:
+    def faster(factor: float) -> JointTrajectory:
+        return replace(
+            good,
+            times=good.times / factor,
+            velocities=good.velocities * factor,
+            accelerations=good.accelerations * factor**2,
+        )
+
+    refuse(faster(20.0), free_scene, "times its velocity limit")
+    for name in ("velocity", "acceleration", "jerk"):
+        tight = replace(PANDA_LIMITS, **{name: getattr(PANDA_LIMITS, name) * 0.01})
+        with pytest.raises(TrajectoryError, match=rf"panda_joint\d would reach .* times its {name} limit"):
+            validate_trajectory(good, tight, free_scene)
+
+
+def test_a_jump_between_points_is_a_limit_broken(good: JointTrajectory, free_scene: Scene) -> None:
+    positions = good.positions.copy()
+    positions[10:] += 0.2
+    refuse(replace(good, positions=positions), free_scene, "times its (velocity|acceleration|jerk) limit")
+
+
+def test_a_way_through_the_table(planner: TransferPlanner, model: PandaModel, free_scene: Scene) -> None:
+    below, _ = planner.ik.refine(hand_down_pose(0.5, 0.0, -0.03, 0.0), READY_POSITIONS)
+    motion = time_path(np.stack([READY_POSITIONS, below]), PANDA_LIMITS.scaled(0.5, 0.5, 0.5), model, 1.0)
+    refuse(motion, free_scene, "on the way .*table")
+
+
+def test_a_way_through_an_object(planner: TransferPlanner, model: PandaModel, free_scene: Scene, workspace) -> None:
+    ends = [planner.ik.solve_all(hand_down_pose(0.5, y, 0.06, 0.0), READY_POSITIONS)[0].positions for y in (-0.2, 0.2)]
+    motion = time_path(np.stack(ends), PANDA_LIMITS.scaled(0.5, 0.5, 0.5), model, 1.0)
+    validate_trajectory(motion, PANDA_LIMITS, free_scene)
+    post = np.repeat([[0.5, 0.0, 0.2]], 5, axis=0).astype(np.float32)  # one column, 5 mm wide
+    refuse(motion, free_scene.with_grid(ObstacleGrid.from_cloud(post, workspace, 0.012)), "hand would touch")
+
+
+def test_dense_positions_are_dense_and_keep_the_ends(free_scene: Scene, model: PandaModel) -> None:
+    rough = np.stack([READY_POSITIONS, ASIDE, READY_POSITIONS + 0.3, READY_POSITIONS + 0.3])
+    dense = dense_positions(rough, free_scene)
+    tcp = np.array([model.tcp_arrays(q)[1] for q in dense])
+    assert np.abs(np.diff(dense, axis=0)).max() <= MAX_JOINT_STEP * 1.001
+    assert np.linalg.norm(np.diff(tcp, axis=0), axis=1).max() <= MAX_TCP_STEP * 1.05
+    np.testing.assert_allclose(dense[[0, -1]], rough[[0, -1]])
