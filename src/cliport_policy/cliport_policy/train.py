@@ -19,8 +19,6 @@ from cliport_policy.errors import PolicyError
 from cliport_policy.language import shared_encoder
 from cliport_policy.training import Trainer, agreement
 
-MIN_SIMILARITY = 0.45
-
 
 def main(argv: list[str] | None = None) -> int:
     args = _parser().parse_args(argv)
@@ -61,7 +59,6 @@ def _train(args: argparse.Namespace) -> int:
     made_by = {
         "command": shlex.join(["ros2", "run", "cliport_policy", "train", *sys.argv[1:]]),
         "commit": _commit(),
-        "min_similarity": MIN_SIMILARITY,
     }
     trainer = Trainer(data, Path(args.out), NetworkConfig(), config, shared_encoder(), made_by)
     if trainer.step:

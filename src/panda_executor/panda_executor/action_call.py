@@ -54,6 +54,8 @@ class ActionCaller:
         """
         if not self._client.wait_for_server(timeout_sec=1.0):
             return ActionEnd(MotionStatus.UNAVAILABLE, message=f"no action server at {self._name}")
+        if should_stop():
+            return ActionEnd(MotionStatus.CANCELLED, message="stopped before it was sent")
         sent = self._client.send_goal_async(goal)
         handle = self._wait(sent, _ANSWER_TIME)
         if handle is None:

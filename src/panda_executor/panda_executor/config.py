@@ -14,12 +14,13 @@ from panda_executor.timing import TimingConfig
 @dataclass(frozen=True)
 class SearchConfig:
     """RRT*: seconds and validity checks at most, longest step [rad], share of samples at the goal,
-    attempts to shorten what was found, seed."""
+    how far a joint may leave the range between start and goal [rad], attempts to shorten what was found, seed."""
 
     time_limit: float = 1.0
     max_checks: int = 4000
-    step: float = 0.6
+    step: float = 1.2
     goal_bias: float = 0.15
+    margin: float = 0.8
     shortcuts: int = 40
     seed: int = 1
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 from collections.abc import Sequence
 
@@ -26,10 +27,10 @@ class JointTracker:
         self._seen: dict[str, tuple[float, int]] = {}
 
     def update(self, names: Sequence[str], positions: Sequence[float], stamp_ns: int) -> None:
-        """Take note of a message: positions [rad, m] by name, and its stamp."""
+        """Take note of a message: positions [rad, m] by name, and its stamp; what is not finite says nothing."""
         with self._lock:
             for name, position in zip(names, positions):
-                if name in self._arm_joints or name in self._finger_joints:
+                if math.isfinite(position) and (name in self._arm_joints or name in self._finger_joints):
                     self._seen[name] = (float(position), stamp_ns)
 
     def age(self, now_ns: int) -> float:

@@ -48,28 +48,33 @@ def find_path(
             raise PlanningError(f"the motion cannot {name} there: {problem}")
     if line_is_free(scene, start, goal):
         return np.stack([start, goal])
-    return _RrtStar(scene, config, clock).solve(start, goal)
+    return _RrtStar(scene, config, clock, np.stack([start, goal])).solve(start, goal)
 
 
 class _RrtStar:
-    """One search; OMPL's objects live as long as it does."""
+    """One search; OMPL's objects live as long as it does.
 
-    def __init__(self, scene: Scene, config: SearchConfig, clock: Callable[[], float]) -> None:
+    It looks around its ends (2, 7) only: ways round what stands on a table need no more, and in the whole range
+    of seven joints most searches would end at their bounds with nothing found.
+    """
+
+    def __init__(self, scene: Scene, config: SearchConfig, clock: Callable[[], float], ends: FloatArray) -> None:
         util.RNG.setSeed(config.seed)
         self._scene, self._config, self._clock = scene, config, clock
         self._checks = 0
-        limits = scene.model.limits
+        lower = np.maximum(scene.model.limits.lower, ends.min(axis=0) - config.margin)
+        upper = np.minimum(scene.model.limits.upper, ends.max(axis=0) + config.margin)
         space = base.RealVectorStateSpace(ARM_DOF)
         bounds = base.RealVectorBounds(ARM_DOF)
         for joint in range(ARM_DOF):
-            bounds.setLow(joint, float(limits.lower[joint]))
-            bounds.setHigh(joint, float(limits.upper[joint]))
+            bounds.setLow(joint, float(lower[joint]))
+            bounds.setHigh(joint, float(upper[joint]))
         space.setBounds(bounds)
         self._space = space
         self._information = base.SpaceInformation(space)
         self._information.setStateValidityChecker(self._is_valid)
         # A share of the space's extent; a joint moves at most as far as the whole configuration does.
-        extent = float(np.linalg.norm(limits.upper - limits.lower))
+        extent = float(np.linalg.norm(upper - lower))
         self._information.setStateValidityCheckingResolution(_RESOLUTION / extent)
         self._information.setup()
 

@@ -33,8 +33,8 @@ def test_a_turned_cube_seen_from_one_side(
     grasp = first(cloud_of([cube], noise=noise, seed=1), x, y, yaw, workspace)
     assert off(grasp, cube) < 0.003
     assert 0.03 < grasp.centroid[2] < 0.043
-    assert grasp.width == pytest.approx(0.04, abs=0.007)
-    assert grasp.length == pytest.approx(0.04, abs=0.007)
+    assert grasp.width == pytest.approx(0.04, abs=0.009)
+    assert grasp.length == pytest.approx(0.04, abs=0.009)
     assert grasp.yaw == yaw
     assert grasp.support_z == 0.0
     assert grasp.width < grasp.opening <= MAX_OPENING
@@ -87,28 +87,28 @@ def test_missing_points_change_nothing(workspace: WorkspaceSpec) -> None:
 def test_covers_the_object_and_nothing_else(workspace: WorkspaceSpec) -> None:
     cube, other = Cube(0.45, 0.0, 0.3), Cube(0.45, 0.07)
     grasp = first(cloud_of([cube, other]), 0.45, 0.0, 0.3, workspace)
-    assert grasp.covers(cloud_of([cube])[raised(cloud_of([cube]))], 0.008).all()
-    assert not grasp.covers(cloud_of([other])[raised(cloud_of([other]))], 0.008).any()
+    assert grasp.covers(raised(cube), 0.008).all()
+    assert not grasp.covers(raised(other), 0.008).any()
     assert not grasp.covers(table_points().astype(np.float32), 0.008).any()
     assert not grasp.covers(np.full((3, 3), np.nan, np.float32), 0.008).any()
 
 
-def raised(cloud: np.ndarray) -> np.ndarray:
-    return cloud[:, 2] > 0.005
+def raised(cube: Cube) -> np.ndarray:
+    cloud = cloud_of([cube])
+    return cloud[cloud[:, 2] > 0.005]
 
 
 @pytest.mark.parametrize(
     ("cloud", "words"),
     [
         (cloud_of([Cube(0.6, 0.3)]), r"nothing rises more than 8 mm above the table at the pick \(0\.450, 0\.000\) m"),
-        (cloud_of([Cube(0.45, 0.035)]), "nothing rises"),
+        (cloud_of([Cube(0.45, 0.045)]), "nothing rises"),
         (np.full((50, 3), np.nan, np.float32), "no depth was seen around the pick"),
         (np.zeros((0, 3), np.float32), "no depth was seen"),
         (cloud_of([Cube(0.45, 0.0, size=(0.1, 0.1, 0.04))]), "mm wide between the fingers, 75 mm is the most"),
         (
-            cloud_of([Cube(0.45, 0.0), *(Cube(0.45 + dx, dy) for dx in (-0.046, 0.046) for dy in (0.0,)),
-                      *(Cube(0.45, dy) for dy in (-0.046, 0.046))]),
-            "no room for the fingers|mm wide",
+            cloud_of([Cube(0.45 + dx, dy) for dx, dy in ((0, 0), (0.05, 0), (-0.05, 0), (0, 0.05), (0, -0.05))]),
+            "no room for the fingers beside the object",
         ),
     ],
     ids=["nothing there", "too far away", "all NaN", "empty", "too wide", "no room"],

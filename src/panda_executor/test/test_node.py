@@ -1,0 +1,176 @@
+"""The executor as a process, without the arm's action servers; and its calls of an action server."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+import rclpy
+from control_msgs.action import FollowJointTrajectory
+from rclpy.action import ActionClient, ActionServer
+from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.executors import MultiThreadedExecutor
+from rclpy.node import Node
+from rclpy.task import Future
+from ros_clouds import raw_cloud
+from sensor_msgs.msg import JointState, PointCloud2
+from std_srvs.srv import Trigger
+
+from cliport_interfaces.action import PickPlace
+from cliport_perception.conversions import stamp_to_msg
+from cliport_perception.pose import PlanarPose
+from panda_executor.action_call import ActionCaller
+from panda_executor.conversions import request_to_msg, result_from_msg
+from panda_executor.limits import READY_POSITIONS
+from panda_executor.ports import MotionStatus
+from panda_executor.request import Outcome, PickPlaceRequest, PickPlaceResult
+
+DOMAIN = 80 + os.getpid() % 15
+ENVIRONMENT = os.environ | {"ROS_DOMAIN_ID": str(DOMAIN), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+PICK, PLACE = PlanarPose(0.45, 0.1, 0.3), PlanarPose(0.5, -0.2, 0.3)
+
+
+def start_executor(*parameters: str) -> subprocess.Popen[str]:
+    command = [sys.executable, "-c", "from panda_executor.main import main; raise SystemExit(main())", "--ros-args"]
+    command += [part for parameter in parameters for part in ("-p", parameter)]
+    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=ENVIRONMENT)
+
+
+@pytest.mark.parametrize(
+    ("parameter", "words"),
+    [
+        ("robot:=pr2", "unknown robot 'pr2'; known are fr3, panda"),
+        ("velocity_scaling:=1.5", "velocity_scaling must be in (0, 1], got 1.5"),
+        ("grip_force:=soft", "grip_force"),
+        ("workspace:=/nowhere/workspace.yaml", "/nowhere/workspace.yaml"),
+    ],
+)
+def test_bad_parameters_end_in_one_line(parameter: str, words: str) -> None:
+    process = start_executor(parameter)
+    _, errors = process.communicate(timeout=30.0)
+    assert process.returncode == 1
+    assert errors.startswith("error: ")
+    assert words in errors
+    assert errors.count("\n") == 1, errors
+
+
+class Graph:
+    """A node beside the executor."""
+
+    def __init__(self) -> None:
+        os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+        rclpy.init(domain_id=DOMAIN)
+        self.node = Node("tester")
+        self.executor = MultiThreadedExecutor(num_threads=3)
+        self.executor.add_node(self.node)
+        self.client = ActionClient(self.node, PickPlace, "/panda_executor/pick_place")
+        self.clouds = self.node.create_publisher(PointCloud2, "/cliport/points", 1)
+        self.joints = self.node.create_publisher(JointState, "/joint_states", 5)
+
+    def until(self, done: Callable[[], bool], timeout_s: float = 15.0) -> bool:
+        end = time.monotonic() + timeout_s
+        while not done() and time.monotonic() < end:
+            self.executor.spin_once(timeout_sec=0.02)
+        return done()
+
+    def wait(self, future: Future) -> Any:
+        assert self.until(future.done)
+        return future.result()
+
+    def ask(self, request: PickPlaceRequest) -> PickPlaceResult | None:
+        """None when the goal is rejected."""
+        handle = self.wait(self.client.send_goal_async(request_to_msg(request, "panda_link0")))
+        return result_from_msg(self.wait(handle.get_result_async()).result) if handle.accepted else None
+
+    def call(self, service: str) -> bool:
+        client = self.node.create_client(Trigger, service)
+        assert self.until(client.service_is_ready)
+        return bool(self.wait(client.call_async(Trigger.Request())).success)
+
+    def publish(self, cloud: np.ndarray) -> None:
+        """One cloud, and joint states of an arm at its ready pose that never moves."""
+        now_ns = self.node.get_clock().now().nanoseconds
+        self.clouds.publish(raw_cloud(cloud, now_ns))
+        names = [*(f"panda_joint{i}" for i in range(1, 8)), "panda_finger_joint1", "panda_finger_joint2"]
+        message = JointState(name=names, position=[*READY_POSITIONS.tolist(), 0.04, 0.04])
+        message.header.stamp = stamp_to_msg(now_ns)
+        self.joints.publish(message)
+
+    def close(self) -> None:
+        self.executor.shutdown(timeout_sec=1.0)
+        self.node.destroy_node()
+        rclpy.try_shutdown()
+
+
+@pytest.fixture
+def graph() -> Iterator[Graph]:
+    graph = Graph()
+    yield graph
+    graph.close()
+
+
+@pytest.fixture
+def process() -> Iterator[subprocess.Popen[str]]:
+    process = start_executor("cloud_wait:=0.3", "max_joint_age:=60.0", "max_cloud_age:=60.0")
+    yield process
+    if process.poll() is None:
+        process.kill()
+    process.communicate(timeout=10.0)
+
+
+def test_goals_without_an_arm(graph: Graph, process: subprocess.Popen[str], table_cloud: np.ndarray) -> None:
+    assert graph.until(graph.client.server_is_ready)
+
+    def ends(request: PickPlaceRequest, outcome: Outcome, words: str) -> None:
+        result = graph.ask(request)
+        assert result is not None
+        assert result.outcome is outcome, result.message
+        assert words in result.message
+        assert "\n" not in result.message
+
+    ends(PickPlaceRequest(PlanarPose(0.9, 0.1, 0.0), PLACE), Outcome.REJECTED, "is outside the workspace")
+    ends(PickPlaceRequest(PICK, PLACE), Outcome.REJECTED, "no point cloud has arrived")
+    both = (graph.clouds, graph.joints)
+    assert graph.until(lambda: all(publisher.get_subscription_count() for publisher in both))
+    graph.publish(table_cloud)
+    time.sleep(0.3)
+    ends(PickPlaceRequest(PICK, PLACE, plan_only=True), Outcome.PLANNED, "planned 7 motions")
+    graph.publish(table_cloud)
+    time.sleep(0.3)
+    ends(PickPlaceRequest(PICK, PLACE), Outcome.EXECUTION_FAILED, "no action server at /panda_arm_controller")
+    assert graph.call("/panda_executor/stop")
+    assert graph.ask(PickPlaceRequest(PICK, PLACE)) is None
+    assert graph.call("/panda_executor/resume")
+    ends(PickPlaceRequest(PICK, PlanarPose(0.5, 0.9, 0.0)), Outcome.REJECTED, "is outside the workspace")
+    process.send_signal(signal.SIGTERM)
+    _, errors = process.communicate(timeout=10.0)
+    assert process.returncode == 0
+    assert "Traceback" not in errors
+
+
+def test_a_call_that_is_to_stop_sends_nothing(graph: Graph) -> None:
+    goals: list[Any] = []
+
+    def execute(handle: Any) -> FollowJointTrajectory.Result:
+        goals.append(handle.request)
+        handle.succeed()
+        return FollowJointTrajectory.Result()
+
+    group = ReentrantCallbackGroup()
+    server = ActionServer(graph.node, FollowJointTrajectory, "/arm/follow", execute, callback_group=group)
+    caller = ActionCaller(graph.node, FollowJointTrajectory, "/arm/follow", group)
+    assert graph.until(caller.is_ready)
+    future = graph.executor.create_task(lambda: caller.call(FollowJointTrajectory.Goal(), 5.0, lambda: True))
+    assert graph.wait(future).status is MotionStatus.CANCELLED
+    assert not goals
+    future = graph.executor.create_task(lambda: caller.call(FollowJointTrajectory.Goal(), 5.0, lambda: False))
+    assert graph.wait(future).status is MotionStatus.SUCCEEDED
+    assert len(goals) == 1
+    server.destroy()
