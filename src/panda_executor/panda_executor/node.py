@@ -36,6 +36,7 @@ from panda_executor.runner import PickPlaceRunner
 from panda_executor.transfer import TransferPlanner
 
 HEARTBEAT_TOPIC = "/panda_executor/heartbeat"
+_LAST_WORDS = 0.2  # for the ended goal's result to reach its client [s]
 
 
 class ExecutorNode(Node):
@@ -131,4 +132,5 @@ class ExecutorNode(Node):
         deadline = time.monotonic() + 3.0
         while self.gate.busy and time.monotonic() < deadline:
             time.sleep(0.02)
+        time.sleep(_LAST_WORDS)
         self._heartbeat.stop()

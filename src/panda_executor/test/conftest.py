@@ -11,6 +11,7 @@ import numpy.typing as npt
 import pytest
 
 from cliport_perception.workspace import WorkspaceSpec
+from panda_executor.config import ExecutorConfig, SearchConfig
 from panda_executor.hand_geometry import HandShape
 from panda_executor.model import PandaModel
 from panda_executor.obstacle_grid import ObstacleGrid
@@ -25,7 +26,9 @@ collect_ignore = [] if find_spec("cliport_interfaces") else ["test_conversions.p
 
 @pytest.fixture(scope="session")
 def planner() -> TransferPlanner:
-    return TransferPlanner(PandaModel())
+    """Its searches end by their number of checks, not by the clock: the same on a busy machine."""
+    config = ExecutorConfig(search=SearchConfig(time_limit=60.0), planning_time=60.0)
+    return TransferPlanner(PandaModel(), config)
 
 
 @pytest.fixture(scope="session")
