@@ -38,6 +38,9 @@ def main(argv: list[str] | None = None) -> int:
     if verb is None:
         getattr(args, "group", parser).print_help()
         return 0
+    # A shell ignores Ctrl-C for what it starts in the background, and that is inherited: a signal sent on purpose
+    # must end the command all the same.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
         return int(verb(args))
     except KeyboardInterrupt:
