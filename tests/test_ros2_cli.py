@@ -90,7 +90,7 @@ def environment(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     return {
         **os.environ,
         "AMENT_PREFIX_PATH": f"{prefix}{os.pathsep}{os.environ.get('AMENT_PREFIX_PATH', '')}",
-        "ROS_DOMAIN_ID": str(1 + os.getpid() % 99),
+        "ROS_DOMAIN_ID": str(1 + os.getpid() % 19),
         "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
         "ROS_LOG_DIR": str(prefix / "log"),
         "PYTHONUNBUFFERED": "1",
