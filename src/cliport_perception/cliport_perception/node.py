@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import signal
 import sys
 import time
 from functools import partial
@@ -28,6 +27,7 @@ from cliport_perception.frame_processor import FrameProcessor
 from cliport_perception.sync import ApproximateSync
 from cliport_perception.throttle import MessageThrottle
 from cliport_perception.transforms import TransformTree
+from cliport_perception.undisturbed import undisturbed
 from cliport_perception.workspace import WorkspaceSpec
 
 COLOR = "/camera/color/image_raw"
@@ -145,7 +145,6 @@ def main(args: list[str] | None = None) -> int:
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
     finally:
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, signal.SIG_IGN)  # the end has begun: a second one must not tear it apart
-        try_shutdown()
+        with undisturbed():
+            try_shutdown()
     return 0

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import signal
 import sys
 import time
 from collections.abc import Callable
@@ -25,6 +24,7 @@ from cliport_interfaces.msg import Heightmap as HeightmapMsg
 from cliport_interfaces.msg import PolicyStatus
 from cliport_perception.conversions import heightmap_from_msg, stamp_from_msg
 from cliport_perception.errors import PerceptionError
+from cliport_perception.undisturbed import undisturbed
 from cliport_policy import conversions
 from cliport_policy.errors import PolicyError
 from cliport_policy.executor_link import ExecutorLink
@@ -140,9 +140,8 @@ def main(args: list[str] | None = None) -> int:
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
     finally:
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, signal.SIG_IGN)  # the end has begun: a second one must not tear it apart
-        if node:
-            node.close()
-        try_shutdown()
+        with undisturbed():
+            if node:
+                node.close()
+            try_shutdown()
     return 0

@@ -6,12 +6,9 @@ import argparse
 import os
 import signal
 import sys
-import threading
 
 from ros2cli_small import launch, run, service_call, topic_echo, topic_hz, topic_list, topic_pub
 from ros2cli_small.errors import CommandError
-
-INTERRUPT_PATIENCE_S = 5.0
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -33,18 +30,6 @@ def build_parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _interrupt(_number: int, _frame: object) -> None:
-    """End the command on SIGINT, also where a shell started it in the background and so had it ignored.
-
-    The interrupt can get lost in a destructor, and the middleware can hang while it shuts down: a timer ends the
-    process then.
-    """
-    timer = threading.Timer(INTERRUPT_PATIENCE_S, os._exit, (int(signal.SIGINT),))
-    timer.daemon = True
-    timer.start()
-    raise KeyboardInterrupt
-
-
 def main(argv: list[str] | None = None) -> int:
     """Run the command and return its exit status: 0, 1 for an error, 2 for wrong usage or Ctrl-C."""
     parser = build_parser()
@@ -53,7 +38,9 @@ def main(argv: list[str] | None = None) -> int:
     if verb is None:
         getattr(args, "group", parser).print_help()
         return 0
-    signal.signal(signal.SIGINT, _interrupt)
+    # A shell ignores Ctrl-C for what it starts in the background, and that is inherited: a signal sent on purpose
+    # must end the command all the same.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
         return int(verb(args))
     except KeyboardInterrupt:
