@@ -133,7 +133,7 @@ class Graph:
     def _move(self, handle: Any) -> PickPlace.Result:
         self.goals.append(handle.request)
         handle.publish_feedback(PickPlace.Feedback(phase=2, phase_name="GO_ABOVE_PICK"))
-        end = time.monotonic() + 15.0
+        end = time.monotonic() + 60.0
         while self.hold.is_set() and time.monotonic() < end:
             if handle.is_cancel_requested:
                 handle.canceled()
@@ -153,13 +153,13 @@ class Graph:
         assert self.until(future.done)
         return future.result()
 
-    def until(self, condition: Callable[[], bool], timeout_s: float = 10.0) -> bool:
+    def until(self, condition: Callable[[], bool], timeout_s: float = 40.0) -> bool:
         end = time.monotonic() + timeout_s
         while time.monotonic() < end and not condition():
             time.sleep(0.02)
         return bool(condition())
 
-    def reaches(self, state: int, timeout_s: float = 10.0) -> bool:
+    def reaches(self, state: int, timeout_s: float = 40.0) -> bool:
         return self.until(lambda: bool(self.statuses) and self.statuses[-1].state == state, timeout_s)
 
     def close(self) -> None:
