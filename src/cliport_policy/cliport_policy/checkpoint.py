@@ -19,6 +19,7 @@ from cliport_policy.errors import CheckpointError, ConfigError
 FORMAT_VERSION = 1
 SHIPPED_FOLDER = Path(__file__).parent / "weights"
 DEFAULT_NAME = "compact-bowls"
+ANCHORS = "instruction_anchors"  # the tensor of training sentences that new ones are compared with
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from cliport_perception.heightmap import Heightmap
 from cliport_perception.pose import PlanarPose
 from cliport_perception.workspace import WorkspaceSpec
 from cliport_policy.action import AffordanceMaps, PickPlaceAction
-from cliport_policy.checkpoint import Card, load_checkpoint, resolve_checkpoint
+from cliport_policy.checkpoint import ANCHORS, Card, load_checkpoint, resolve_checkpoint
 from cliport_policy.errors import CheckpointError, InstructionError, ObservationError
 from cliport_policy.language import ENCODER_NAME, TextEncoder, TokenEmbeddings, shared_encoder
 from cliport_policy.networks.compact import CompactNetwork
@@ -25,7 +25,6 @@ from cliport_policy.observation import observation_tensor
 
 MAX_INSTRUCTION_LENGTH = 1000
 CONFIDENCE_RADIUS = 0.03  # m
-ANCHORS = "instruction_anchors"
 
 
 class _Peak(NamedTuple):

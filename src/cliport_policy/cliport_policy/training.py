@@ -17,7 +17,7 @@ from safetensors.torch import load_file, save_file
 from torch import Tensor, nn
 
 from cliport_policy.batches import Batch, Phrasebook, batches, collate, make_sample
-from cliport_policy.checkpoint import Card, save_checkpoint, write_json
+from cliport_policy.checkpoint import ANCHORS, Card, save_checkpoint, write_json
 from cliport_policy.config import NetworkConfig, TrainConfig
 from cliport_policy.demonstrations import DemonstrationSet
 from cliport_policy.errors import DataError, TrainingError
@@ -189,7 +189,7 @@ class Trainer:
         )
         save_checkpoint(
             self.folder / "policy.safetensors",
-            {**self.average.state_dict(), "instruction_anchors": anchors},
+            {**self.average.state_dict(), ANCHORS: anchors},
             card,
         )
         state = {f"network.{k}": v for k, v in self.network.state_dict().items()}

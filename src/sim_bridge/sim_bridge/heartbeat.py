@@ -14,7 +14,7 @@ class HeartbeatWatchdog:
     not watched.
     """
 
-    def __init__(self, timeout: float = 0.25, period: float = 0.03, memory: float = 1.0) -> None:
+    def __init__(self, timeout: float, period: float = 0.03, memory: float = 1.0) -> None:
         """Raise ValueError unless the times are positive and `timeout` is longer than `period`."""
         if not 0.0 < period < timeout or memory <= 0.0:
             raise ValueError(f"the heartbeat timeout must be longer than {period} s, got {timeout} s")
