@@ -14,6 +14,7 @@ from cliport_perception.errors import (
 from cliport_perception.heightmap import Heightmap
 from cliport_perception.heightmap_builder import HeightmapBuilder, heightmap_from_rgbd
 from cliport_perception.pose import PlanarPose, Pose
+from cliport_perception.primitive import Primitive
 from cliport_perception.workspace import WorkspaceSpec
 
 __all__ = [
@@ -28,6 +29,7 @@ __all__ = [
     "PixelOutsideError",
     "PlanarPose",
     "Pose",
+    "Primitive",
     "UnfitFrameError",
     "WorkspaceError",
     "WorkspaceSpec",

@@ -26,6 +26,24 @@ class SearchConfig:
 
 
 @dataclass(frozen=True)
+class DragConfig:
+    """Sweep and fold. Lengths in m, speed in m/s.
+
+    tip_clearance: fingertips to table; speed: of the tcp along the table; corridor: half width of the ground along
+    the line whose things are to be moved, not avoided; low: how high they may stand; fold_opening: of the fingers
+    on the way in, narrow enough for a bead among its neighbours; fold_lift: raised this much while it is moved
+    (the rope tasks' 20 mm), 0 to stay on the table.
+    """
+
+    tip_clearance: float = 0.003
+    speed: float = 0.25
+    corridor: float = 0.07
+    low: float = 0.045
+    fold_opening: float = 0.03
+    fold_lift: float = 0.02
+
+
+@dataclass(frozen=True)
 class ExecutorConfig:
     """approach_height: of the tcp above the higher of grasp and release [m]; clearance: added round the hand
     while it travels [m]; lean: angles at which the hand may lean outwards above an object close to the base
@@ -39,6 +57,7 @@ class ExecutorConfig:
     placement: PlacementConfig = field(default_factory=PlacementConfig)
     timing: TimingConfig = field(default_factory=TimingConfig)
     search: SearchConfig = field(default_factory=SearchConfig)
+    drag: DragConfig = field(default_factory=DragConfig)
     ready: tuple[float, ...] = tuple(float(v) for v in READY_POSITIONS)
     approach_height: float = 0.12
     clearance: float = 0.01
@@ -49,8 +68,6 @@ class ExecutorConfig:
     release_opening: float = 0.08
     start_tolerance: float = 0.03
     planning_time: float = 4.0
-    sweep_height: float = 0.016
-    sweep_half_width: float = 0.07
 
     def motion_limits(self, limits: JointLimits) -> JointLimits:
         """The arm's limits times the configured scaling."""

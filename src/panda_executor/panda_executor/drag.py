@@ -1,34 +1,55 @@
-"""Sweep and fold: the hand goes down at the pick and stays down until the place (paper, appendix D)."""
+"""Sweep and fold: the hand goes down at the pick and stays low until the place (paper, appendix D)."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
+from cliport_perception.pose import Pose
+from cliport_perception.primitive import Primitive
 from cliport_perception.workspace import WorkspaceSpec
 from panda_executor.errors import ExecutorError, InverseKinematicsError, PlanningError
 from panda_executor.hand_geometry import FINGERTIP_BELOW_TCP, HandShape
 from panda_executor.ik import hand_down_pose
 from panda_executor.limits import FloatArray
 from panda_executor.motions import Motion
-from panda_executor.request import Phase, PickPlaceRequest, Primitive
+from panda_executor.ports import ShouldStop
+from panda_executor.request import Phase, PickPlaceRequest
+
 from panda_executor.transfer import TransferPlanner, relevant_points
 
-_PUSHED_HEIGHT = 0.06  # lower things in the hand's way are what is to be moved [m]
+_MAX_BRANCHES = 4  # of the inverse kinematics that are tried for one pose
+_SAME_PLACE = 1e-6  # a shorter way has no direction [m]
 
 
 @dataclass(frozen=True, eq=False)
 class DragPlan:
-    """go_above with the hand as it is, down, along the table, up, and away to the ready pose."""
+    """Above the pick, down, a fold's small lift, along the table, up, and away to the ready pose.
+
+    escape: from the pick straight up again, when the fingers closed on nothing. lift: None where there is none.
+    """
 
     go_above: Motion
     descend: Motion
+    escape: Motion
+    lift: Motion | None
     drag: Motion
     leave: Motion
     retreat: Motion
-    opening: float  # of the fingers on the way down [m]
+    opening: float  # of the fingers on the way down, and after a fold [m]
+
+
+def broadside(request: PickPlaceRequest) -> PickPlaceRequest:
+    """The request as it is carried out: a sweep's jaws stand in a line across its way, whatever yaw it names."""
+    pick, place = request.pick, request.place
+    dx, dy = place.x - pick.x, place.y - pick.y
+    if request.primitive is not Primitive.SWEEP or not math.hypot(dx, dy) > _SAME_PLACE:
+        return request
+    yaw = math.atan2(dy, dx) + math.pi / 2.0
+    return replace(request, pick=replace(pick, yaw=yaw), place=replace(place, yaw=yaw))
 
 
 def plan_drag(
@@ -37,74 +58,100 @@ def plan_drag(
     cloud: npt.NDArray[np.float32],
     workspace: WorkspaceSpec,
     start: FloatArray,
+    should_stop: ShouldStop = lambda: False,
 ) -> DragPlan:
     """A sweep (fingers closed throughout) or a fold (they close at the pick and open at the place).
 
-    The tcp moves in a straight line at table height, turning from the pick's yaw to the place's.
+    The tcp moves in a straight line at one height, turning from the pick's yaw to the place's.
 
     Raises:
         PlanningError: when something tall stands in the way, or the arm cannot follow the line.
     """
-    config = planner.config
-    opening = 0.0 if request.primitive is Primitive.SWEEP else 0.04
-    cloud = relevant_points(cloud, workspace)
-    grid = planner.grid(cloud, workspace, start)
-    free = cloud[~_in_corridor(cloud, request, config.sweep_half_width, config.scene.table_z)]
-    swept = planner.grid(free, workspace, start)
-    z = config.scene.table_z + max(config.sweep_height, FINGERTIP_BELOW_TCP + config.grasp.tip_clearance)
-    travelling = planner.scene(grid, HandShape(margin=config.clearance))
-    working = planner.scene(swept, HandShape(opening))
-    # Jaws turned around are the same jaws, so the turn is at most a quarter.
-    turn = (request.place.yaw - request.pick.yaw + np.pi / 2.0) % np.pi - np.pi / 2.0
+    request = broadside(request)
+    drag = _Drag(planner, request, relevant_points(cloud, workspace), workspace, start)
     reason = "no approach to the start of the line is free"
-    for flip in (0.0, np.pi):
-        yaw = request.pick.yaw + flip
-        above = hand_down_pose(request.pick.x, request.pick.y, z + config.approach_height, yaw)
+    for flip in (0.0, math.pi):
         try:
-            solutions = planner.ik.solve_all(above, start)
+            branches = planner.ik.solve_all(drag.above_pick(flip), start)
         except InverseKinematicsError as error:
             reason = str(error)
             continue
-        for solution in solutions[:4]:
-            motions = planner.motions
-            down = motions.straight(
-                Phase.DESCEND,
-                solution.positions,
-                hand_down_pose(request.pick.x, request.pick.y, z, yaw),
-                working,
-            )
-            if down is None:
-                continue
-            end = hand_down_pose(request.place.x, request.place.y, z, yaw + turn)
-            drag = motions.straight(Phase.CARRY, down.trajectory.end, end, working)
-            if drag is None:
-                reason = "the hand cannot follow the line along the table"
-                continue
-            up = hand_down_pose(request.place.x, request.place.y, z + config.approach_height, yaw + turn)
-            leave = motions.straight(Phase.RETREAT, drag.trajectory.end, up, planner.scene(swept, HandShape(0.04)))
-            if leave is None:
-                reason = "the hand cannot rise at the end of the line"
-                continue
+        for branch in branches[:_MAX_BRANCHES]:
+            if should_stop():
+                raise PlanningError("planning was stopped")
             try:
-                go_above = motions.travel(Phase.GO_ABOVE_PICK, start, solution.positions, travelling)
-                away = motions.travel(
-                    Phase.RETREAT, leave.trajectory.end, planner.ready, planner.scene(swept, HandShape())
-                )
+                return drag.plan(branch.positions, flip)
             except ExecutorError as error:
                 reason = str(error)
-                continue
-            return DragPlan(go_above, down, drag, leave, away, opening)
     raise PlanningError(f"{request.primitive.name.lower()} from the pick to the place: {reason}")
 
 
-def _in_corridor(
-    points: npt.NDArray[np.float32], request: PickPlaceRequest, half_width: float, table_z: float
-) -> npt.NDArray[np.bool_]:
-    """Which points (N, 3) are low and near the line from pick to place: to be pushed, not avoided."""
-    a = np.array([request.pick.x, request.pick.y])
-    b = np.array([request.place.x, request.place.y])
-    line = b - a
-    share = np.clip((points[:, :2] - a) @ line / max(float(line @ line), 1e-9), 0.0, 1.0)
-    distance = np.linalg.norm(points[:, :2] - (a + share[:, None] * line), axis=1)
-    near: npt.NDArray[np.bool_] = (distance < half_width) & (points[:, 2] < table_z + _PUSHED_HEIGHT)
-    return near
+class _Drag:
+    """One request's scenes and heights."""
+
+    def __init__(
+        self,
+        planner: TransferPlanner,
+        request: PickPlaceRequest,
+        cloud: npt.NDArray[np.float32],
+        workspace: WorkspaceSpec,
+        start: FloatArray,
+    ) -> None:
+        config = planner.config
+        self._planner, self._request, self._start, self._config = planner, request, start, config
+        fold = request.primitive is Primitive.FOLD
+        self._opening = config.drag.fold_opening if fold else 0.0
+        self._lift = config.drag.fold_lift if fold else 0.0
+        self._z = config.scene.table_z + FINGERTIP_BELOW_TCP + config.drag.tip_clearance
+        self._turn = math.remainder(request.place.yaw - request.pick.yaw, math.tau)
+        swept = planner.grid(cloud[~self._in_corridor(cloud)], workspace, start)
+        grid = planner.grid(cloud, workspace, start)
+        self._travelling = planner.scene(grid, HandShape(margin=config.clearance))
+        self._working = planner.scene(swept, HandShape(self._opening))
+        self._leaving = planner.scene(swept, HandShape())
+
+    def above_pick(self, flip: float) -> Pose:
+        """Where the hand starts down; flip: 0 or pi, the jaws are the same turned around [rad]."""
+        pick = self._request.pick
+        return hand_down_pose(pick.x, pick.y, self._z + self._config.approach_height, pick.yaw + flip)
+
+    def plan(self, above: FloatArray, flip: float) -> DragPlan:
+        """Every motion when the arm comes from configuration `above` (7,) [rad].
+
+        Raises:
+            ExecutorError: names the motion that fails.
+        """
+        pick, place = self._request.pick, self._request.place
+        first, last = pick.yaw + flip, pick.yaw + flip + self._turn
+        low, high = self._z + self._lift, self._z + self._config.approach_height
+        descend = self._straight(Phase.DESCEND, above, hand_down_pose(pick.x, pick.y, self._z, first), "go down")
+        lift, end = None, descend.trajectory.end
+        if self._lift > 0.0:
+            lift = self._straight(Phase.RAISE, end, hand_down_pose(pick.x, pick.y, low, first), "lift what it holds")
+            end = lift.trajectory.end
+        along = self._straight(Phase.CARRY, end, hand_down_pose(place.x, place.y, low, last), "follow the line")
+        leave = self._straight(
+            Phase.RETREAT, along.trajectory.end, hand_down_pose(place.x, place.y, high, last), "rise at the end"
+        )
+        motions, ready = self._planner.motions, self._planner.ready
+        go_above = motions.travel(Phase.GO_ABOVE_PICK, self._start, above, self._travelling)
+        retreat = motions.travel(Phase.RETREAT, leave.trajectory.end, ready, self._leaving)
+        escape = motions.reversed(Phase.RETREAT, descend, self._working)
+        return DragPlan(go_above, descend, escape, lift, along, leave, retreat, self._opening)
+
+    def _straight(self, phase: Phase, start: FloatArray, end: Pose, what: str) -> Motion:
+        speed = self._config.drag.speed if phase is Phase.CARRY else None
+        motion = self._planner.motions.straight(phase, start, end, self._working, speed)
+        if motion is None:
+            raise PlanningError(f"the hand cannot {what}")
+        return motion
+
+    def _in_corridor(self, points: npt.NDArray[np.float32]) -> npt.NDArray[np.bool_]:
+        """Which points (N, 3) are low and near the line from pick to place: to be moved, not avoided."""
+        config = self._config
+        a = np.array([self._request.pick.x, self._request.pick.y])
+        line = np.array([self._request.place.x, self._request.place.y]) - a
+        share = np.clip((points[:, :2] - a) @ line / max(float(line @ line), 1e-9), 0.0, 1.0)
+        distance = np.linalg.norm(points[:, :2] - (a + share[:, None] * line), axis=1)
+        near: npt.NDArray[np.bool_] = distance < config.drag.corridor
+        return near & (points[:, 2] < config.scene.table_z + config.drag.low)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -13,48 +13,46 @@ from cliport_perception.pose import PlanarPose
 from cliport_perception.workspace import WorkspaceSpec
 from panda_executor.errors import GraspError
 from panda_executor.ground_cells import BoolArray, GroundCells, points_near
-from panda_executor.hand_geometry import (
-    FINGER_HALF_WIDTH,
-    FINGER_THICKNESS,
-    FINGERTIP_BELOW_TCP,
-    MAX_OPENING,
-    PALM_ABOVE_TCP,
-    HeldObject,
-)
+from panda_executor.hand_geometry import FINGERTIP_BELOW_TCP, HeldObject
+from panda_executor.jaws import Hold, JawConfig, Jaws
 from panda_executor.limits import FloatArray
+from panda_executor.seen_object import SeenObject, find_object
 
 _STANDING = 0.005  # tolerance under a standing object [m]
-_SURROUNDINGS = 52  # pixels: wide enough for the opened fingers beside the object
 
 
 @dataclass(frozen=True)
-class GraspConfig:
-    """Lengths in m.
+class GraspConfig(JawConfig):
+    """Lengths in m; see also JawConfig.
 
-    crop_pixels: edge of the square around the pick; finger_height: how far below its top an object is looked
-    at; min_height: what rises less above the table is flat; seed_reach: how far the object may be from the
-    pick; slack: free space that each finger needs beside the object; tip_clearance: fingertips to table;
-    min_insertion: the tcp is at least this far below the object's top, where it is tall enough.
+    pixels: edge of the square around the pick that is looked at, wide enough for the largest object and the
+    opened fingers beside it; finger_height: how far below its top an object is looked at; min_height: what
+    rises less above the table is flat; seed_reach: how far the object may be from the pick; feature_reach: how
+    far a narrow feature; preference: the object as a whole is taken although a feature is so much nearer to
+    the pick; longest: what is longer across the jaws is held where the pick is; farthest: a grasp is so far
+    from the pick at most.
     """
 
-    crop_pixels: int = 32
+    pixels: int = 96
     finger_height: float = 0.0185
     min_height: float = 0.008
     seed_reach: float = 0.02
-    slack: float = 0.0025
-    tip_clearance: float = 0.005
-    min_insertion: float = 0.015
-    palm_clearance: float = 0.005
-    finger_margin: float = 0.002
+    feature_reach: float = 0.01
+    preference: float = 0.006
+    longest: float = 0.12
+    farthest: float = 0.04
 
 
 @dataclass(frozen=True, eq=False)
 class Grasp:
     """A grasp of the object at the pick, in the base frame [m, rad].
 
-    centroid: (3,) of the seen part; tcp_z: height of the tcp; yaw: of the jaws; opening: of the fingers on
-    the way down; width: of the object along the closing direction; length: across it; support_z: what
-    the object stands on; top_z: its highest part; footprint: (N, 2) its cells relative to the centroid.
+    centroid: (3,) of the seen part across the closing direction and in height; along the closing direction it
+    is the middle between the fingers' contacts: there the closing fingers do not move the object.
+    tcp_z: height of the tcp; yaw: of the jaws; opening: of the fingers on the way down; width: between the
+    closed fingers; length: of the whole object across them; support_z: what the object stands on; top_z: its
+    highest part; footprint: (N, 2) all its cells, inner: (M, 2) those without its blurred edge, relative to
+    the centroid; spare: how much higher the tcp could be and still hold it.
     """
 
     centroid: FloatArray
@@ -66,18 +64,24 @@ class Grasp:
     support_z: float
     top_z: float
     footprint: FloatArray
+    inner: FloatArray
     cell: float
+    spare: float
 
-    @property
-    def held(self) -> HeldObject:
-        """The object as a box between the fingers."""
+    def held(self, flip: float = 0.0) -> HeldObject:
+        """The object between fingers at `yaw + flip` [rad]."""
+        c, s = math.cos(self.yaw + flip), math.sin(self.yaw + flip)
         return HeldObject(
-            half_x=self.length / 2.0,
-            half_y=self.width / 2.0,
+            self.inner @ np.array([[-s, c], [c, s]]),
             # It starts out touching what it stands on: that must not count as a collision.
             below=max(self.tcp_z - self.support_z - _STANDING, FINGERTIP_BELOW_TCP),
             above=max(self.top_z - self.tcp_z, 0.0),
         )
+
+    def raised(self, by: float) -> Grasp:
+        """The same grasp nearer to the object's top, by at most `by` [m]."""
+        rise = min(by, self.spare)
+        return replace(self, tcp_z=self.tcp_z + rise, spare=self.spare - rise)
 
     def covers(self, points: npt.NDArray[np.float32], margin: float) -> BoolArray:
         """Which points (N, 3) belong to the object: within `margin` [m] of its cells, seen from above."""
@@ -107,7 +111,11 @@ def plan_grasps(
     table_z: float = 0.0,
     config: GraspConfig | None = None,
 ) -> list[Grasp]:
-    """Grasps for the object at the pick, best first: at the pick's yaw, and across when that is blocked.
+    """Grasps for the object at the pick, best first: those at the pick's yaw, then those across.
+
+    At each yaw there may be two: of the object as a whole, at its centroid, and of the narrow feature at the
+    pick (a rim, a handle, a bead). The whole comes first unless the pick means the feature: it is on it, and
+    away from the middle of the whole.
 
     The cloud (N, 3) [m, base frame] may hold NaN. Each ground cell counts once, whatever number of points it
     holds, so that the side which faces a tilted camera does not pull the centroid.
@@ -117,119 +125,75 @@ def plan_grasps(
     """
     config = config or GraspConfig()
     where = f"the pick ({pick.x:.3f}, {pick.y:.3f}) m"
-    near = cloud[points_near(cloud, pick.x, pick.y, _SURROUNDINGS / 2.0 * workspace.pixel_size)]
-    cells = GroundCells.around(near, workspace, pick.x, pick.y, _SURROUNDINGS, (table_z - 0.03, workspace.z_max))
-    if not (cells.seen & cells.central(config.crop_pixels)).any():
+    near = cloud[points_near(cloud, pick.x, pick.y, config.pixels / 2.0 * workspace.pixel_size)]
+    cells = GroundCells.around(near, workspace, pick.x, pick.y, config.pixels, (table_z - 0.03, workspace.z_max))
+    distance = np.hypot(cells.x - pick.x, cells.y - pick.y)
+    if not (cells.seen & (distance < config.farthest)).any():
         raise GraspError(f"no depth was seen around {where}; is the view blocked?")
-    top, lowest, part = _object_at(cells, pick, table_z, config, where)
-    graspable = GroundCells.around(near, workspace, pick.x, pick.y, _SURROUNDINGS, (lowest, top + 0.01))
-    weight = part & graspable.seen
-    centroid = np.array([cells.x[weight].mean(), cells.y[weight].mean(), graspable.mean[weight].mean()])
-    support_z = _support_below(cells, part, table_z)
-    grasps = []
-    problem = ""
-    for turn in (0.0, math.pi / 2.0):
-        try:
-            grasps.append(_grasp_at(cells, part, centroid, pick.yaw + turn, support_z, top, table_z, config, where))
-        except GraspError as error:
-            problem = problem or str(error)
+    seen = find_object(cells, pick, table_z, config.finger_height, config.min_height, config.seed_reach)
+    lowest = max(seen.top - config.finger_height, table_z + config.min_height / 2.0)
+    graspable = GroundCells.around(near, workspace, pick.x, pick.y, config.pixels, (lowest, seen.top + 0.01))
+    height = float(graspable.mean[seen.upper & graspable.seen].mean())
+    grasps, problems = [], []
+    for yaw in (pick.yaw, pick.yaw + math.pi / 2.0):
+        jaws = Jaws(cells, pick.x, pick.y, yaw, seen.support_z, table_z, config)
+        holds, problem = _holds(jaws, seen, height, config, where)
+        grasps += [_grasp(cells, seen, hold, pick, yaw, height) for hold in holds]
+        problems.append(problem)
     if not grasps:
-        raise GraspError(problem)
+        raise GraspError(problems[0])
     return grasps
 
 
-def _object_at(
-    cells: GroundCells, pick: PlanarPose, table_z: float, config: GraspConfig, where: str
-) -> tuple[float, float, BoolArray]:
-    """The top of the object [m], the lowest height looked at [m], and the object's cells in between."""
-    raised = cells.seen & cells.central(config.crop_pixels)
-    raised &= np.nan_to_num(cells.top, nan=-1.0) > table_z + config.min_height
-    whole = cells.component(raised, pick.x, pick.y, config.seed_reach)
-    if whole is None:
-        raise GraspError(f"nothing rises more than {config.min_height * 1000:.0f} mm above the table at {where}")
-    distance = np.hypot(cells.x - pick.x, cells.y - pick.y)
-    nearest = float(distance[whole].min())
-    local = whole & (distance <= nearest + 0.015)
-    top = float(np.percentile(cells.top[local], 95.0))
-    lowest = max(top - config.finger_height, table_z + config.min_height / 2.0)
-    within = whole & (cells.top >= lowest)
-    part = cells.component(within, pick.x, pick.y, config.seed_reach + 0.02)
-    assert part is not None  # the top itself is within
-    if int(part.sum()) < 4:
-        raise GraspError(f"only {int(part.sum())} cells of the cloud rise above the table at {where}")
-    return top, lowest, part
+def _holds(jaws: Jaws, seen: SeenObject, height: float, config: GraspConfig, where: str) -> tuple[list[Hold], str]:
+    """The whole object and the feature at the pick, the better first; and why there is none."""
+    whole = feature = None
+    problem = ""
+    try:
+        whole = jaws.on_object(seen.upper, height, where)
+    except GraspError as error:
+        problem = str(error)
+    try:
+        feature = jaws.on_feature(seen.whole, config.feature_reach, height, where)
+    except GraspError as error:
+        problem = problem or str(error)
+    holds = [whole, feature]
+    if whole is not None and feature is not None:
+        off = abs(whole.across) > config.seed_reach or float(np.ptp(jaws.across[seen.whole])) > config.longest
+        if not off and _is_same(whole, feature):
+            holds = [whole]
+        elif off or abs(whole.middle) > abs(feature.middle) + config.preference:
+            holds = [feature, whole]
+    near = [hold for hold in holds if hold is not None and math.hypot(hold.middle, hold.across) <= config.farthest]
+    return near, problem or f"the middle of the object is more than {config.farthest * 1000:.0f} mm from {where}"
 
 
-def _support_below(cells: GroundCells, part: BoolArray, table_z: float) -> float:
-    """What the object stands on [m]: the low part of what is seen in a ring around it, else the table."""
-    near = ndimage.binary_dilation(part, iterations=5) & ~ndimage.binary_dilation(part, iterations=2)
-    ring = cells.top[near & cells.seen]
-    if ring.size < 10:
-        return table_z
-    level = float(np.percentile(ring, 20.0))
-    return level if level > table_z + 0.006 else table_z
+def _is_same(whole: Hold, feature: Hold) -> bool:
+    """Whether the fingers touch the same sides: then the pick is merely off the middle."""
+    return abs(whole.middle - feature.middle) < 0.005 and abs(whole.width - feature.width) < 0.01
 
 
-def _grasp_at(
-    cells: GroundCells,
-    part: BoolArray,
-    centroid: FloatArray,
-    yaw: float,
-    support_z: float,
-    top: float,
-    table_z: float,
-    config: GraspConfig,
-    where: str,
-) -> Grasp:
-    footprint = np.stack([cells.x[part] - centroid[0], cells.y[part] - centroid[1]], axis=-1)
-    closing = np.array([math.cos(yaw), math.sin(yaw)])
-    across = np.array([-math.sin(yaw), math.cos(yaw)])
-    # Twice the larger side: the fingers stand symmetrically around the centroid.
-    width = 2.0 * float(np.percentile(np.abs(footprint @ closing), 98.0)) + cells.cell
-    length = 2.0 * float(np.percentile(np.abs(footprint @ across), 98.0)) + cells.cell
-    widest = MAX_OPENING - 2.0 * config.slack
-    if width > widest:
-        raise GraspError(
-            f"the object at {where} is {width * 1000:.0f} mm wide between the fingers, "
-            f"{widest * 1000:.0f} mm is the most that can be held"
-        )
-    # Deep enough to hold, not so deep that tips touch the table or the palm touches the top.
-    lowest = max(
-        table_z + config.tip_clearance + FINGERTIP_BELOW_TCP,
-        support_z + config.tip_clearance / 2.0 + FINGERTIP_BELOW_TCP,
-        top - PALM_ABOVE_TCP + config.palm_clearance,
+def _grasp(cells: GroundCells, seen: SeenObject, hold: Hold, pick: PlanarPose, yaw: float, height: float) -> Grasp:
+    c, s = math.cos(yaw), math.sin(yaw)
+    x = pick.x + hold.middle * c - hold.across * s
+    y = pick.y + hold.middle * s + hold.across * c
+    footprint = np.stack([cells.x[seen.whole] - x, cells.y[seen.whole] - y], axis=-1)
+    # Thin parts keep their cells, everything else loses its blurred edge.
+    core = ndimage.binary_erosion(seen.whole)
+    inside = core | (seen.whole & ~ndimage.binary_dilation(core, structure=np.ones((3, 3)), iterations=2))
+    inner = np.stack([cells.x[inside] - x, cells.y[inside] - y], axis=-1)
+    across = np.abs(footprint @ np.array([-s, c]))
+    return Grasp(
+        centroid=np.array([x, y, height]),
+        tcp_z=hold.tips + FINGERTIP_BELOW_TCP,
+        yaw=yaw,
+        opening=hold.opening,
+        width=hold.width,
+        length=2.0 * float(np.percentile(across, 98.0)) + cells.cell,
+        support_z=seen.support_z,
+        top_z=seen.top,
+        footprint=footprint,
+        inner=inner,
+        cell=cells.cell,
+        spare=hold.spare,
     )
-    wanted = min(float(centroid[2]), top - config.min_insertion)
-    tcp_z = max(wanted, lowest)
-    opening = _free_opening(cells, part, centroid, closing, width, tcp_z, config)
-    if opening is None:
-        raise GraspError(f"there is no room for the fingers beside the object at {where}")
-    return Grasp(centroid, tcp_z, yaw, opening, width, length, support_z, top, footprint, cells.cell)
-
-
-def _free_opening(
-    cells: GroundCells,
-    part: BoolArray,
-    centroid: FloatArray,
-    closing: FloatArray,
-    width: float,
-    tcp_z: float,
-    config: GraspConfig,
-) -> float | None:
-    """The widest opening [m] at which both fingers go down beside the object without touching a neighbour."""
-    tips = tcp_z - FINGERTIP_BELOW_TCP - config.finger_margin
-    # One cell around the object is its own blurred edge.
-    own = ndimage.binary_dilation(part, structure=np.ones((3, 3), dtype=bool))
-    blocked = cells.seen & ~own & (np.nan_to_num(cells.top, nan=-1.0) > tips)
-    # A neighbour's lone cells are noise: what could stop a finger covers more than one cell.
-    blocked &= ndimage.uniform_filter(blocked.astype(float), 3, mode="constant") > 1.5 / 9.0
-    dx, dy = cells.x[blocked] - centroid[0], cells.y[blocked] - centroid[1]
-    along = np.abs(dx * closing[0] + dy * closing[1])
-    across = np.abs(-dx * closing[1] + dy * closing[0])
-    in_way = along[across < FINGER_HALF_WIDTH + config.finger_margin]
-    smallest = width + 2.0 * config.slack
-    for opening in np.arange(MAX_OPENING, smallest - 1e-9, -0.004):
-        inner, outer = opening / 2.0, opening / 2.0 + FINGER_THICKNESS
-        if not np.any((in_way > inner - config.finger_margin) & (in_way < outer + config.finger_margin)):
-            return float(opening)
-    return None

@@ -12,6 +12,10 @@ from cliport_perception.workspace import WorkspaceSpec
 from panda_executor.limits import FloatArray
 
 BoolArray = npt.NDArray[np.bool_]
+IntArray = npt.NDArray[np.int32]
+
+STEP = 0.007  # neighbouring heights that differ more are not one surface; above the noise [m]
+_SQUARE = np.ones((3, 3), dtype=bool)
 
 
 def points_near(cloud: npt.NDArray[np.float32], x: float, y: float, half: float) -> BoolArray:
@@ -79,20 +83,37 @@ class GroundCells:
         mask[border : border + pixels, border : border + pixels] = True
         return mask
 
-    def component(self, mask: BoolArray, x: float, y: float, reach: float) -> BoolArray | None:
-        """The part of `mask` that is connected to its cell nearest to (x, y), or None beyond `reach` [m].
+    def parts(self, mask: BoolArray) -> IntArray:
+        """Labels 1.. of the connected parts of `mask`, 0 elsewhere.
 
-        Cells count as connected across one missing cell: the cloud is not denser than the grid where the
-        camera looks at a slant.
+        Cells of about the same height count as connected across one or two that were not seen: the cloud is not
+        denser than the grid where the camera looks at a slant, and loses edges. A cell that was seen and is not
+        in the mask separates.
         """
+        labels, _ = ndimage.label(mask | (self._bridges(mask) & ~self.seen), structure=_SQUARE)
+        found: IntArray = np.where(mask, labels, 0)
+        return found
+
+    def _bridges(self, mask: BoolArray) -> BoolArray:
+        """Cells between two cells of the mask that are alike in height."""
+        top = np.pad(np.where(mask, self.top, np.nan), 2, constant_values=np.nan)
+        n, m = mask.shape
+        bridges = np.zeros_like(mask)
+        for dy, dx in ((0, 1), (1, 0), (1, 1), (1, -1)):
+            for ahead, behind in ((1, 1), (1, 2), (2, 1)):
+                y, x, back_y, back_x = 2 + ahead * dy, 2 + ahead * dx, 2 - behind * dy, 2 - behind * dx
+                difference = top[y : y + n, x : x + m] - top[back_y : back_y + n, back_x : back_x + m]
+                bridges |= np.abs(difference) < STEP  # NaN compares false
+        return bridges
+
+    def component(self, mask: BoolArray, x: float, y: float, reach: float) -> BoolArray | None:
+        """The part of `mask` with its cell nearest to (x, y) [m], or None beyond `reach` [m]."""
         if not mask.any():
             return None
         distance = np.where(mask, np.hypot(self.x - x, self.y - y), np.inf)
         nearest = np.unravel_index(int(np.argmin(distance)), mask.shape)
         if distance[nearest] > reach:
             return None
-        # Dilating by half the gap on either side joins cells with one empty cell between them.
-        joined = ndimage.binary_closing(np.pad(mask, 2), structure=np.ones((3, 3), dtype=bool))[2:-2, 2:-2]
-        labels, _ = ndimage.label(joined | mask, structure=np.ones((3, 3), dtype=int))
-        part: BoolArray = mask & (labels == labels[nearest])
+        labels = self.parts(mask)
+        part: BoolArray = labels == labels[nearest]
         return part

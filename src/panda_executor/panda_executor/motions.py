@@ -57,13 +57,18 @@ class MotionBuilder:
                 return self._stopping(phase, waypoints, scene)
         return self._timed(phase, waypoints, scene, self.config.timing.tcp_speed)
 
-    def straight(self, phase: Phase, start: FloatArray, end_pose: Pose, scene: Scene) -> Motion | None:
-        """The tcp on a straight line from where `start` (7,) puts it to `end_pose`; None when that fails."""
+    def straight(
+        self, phase: Phase, start: FloatArray, end_pose: Pose, scene: Scene, speed: float | None = None
+    ) -> Motion | None:
+        """The tcp on a straight line from where `start` (7,) puts it to `end_pose`; None when that fails.
+
+        speed: of the tcp at most [m/s]; that near objects when it is None.
+        """
         waypoints = self.cartesian_waypoints(start, end_pose)
         if waypoints is None or not scene.is_valid(waypoints[-1]):
             return None
         try:
-            return self._timed(phase, waypoints, scene, self.config.timing.tcp_speed_near)
+            return self._timed(phase, waypoints, scene, speed or self.config.timing.tcp_speed_near)
         except TrajectoryError:
             return None
 

@@ -6,15 +6,8 @@ from dataclasses import dataclass
 from enum import IntEnum
 
 from cliport_perception.pose import PlanarPose
+from cliport_perception.primitive import Primitive
 from panda_executor.limits import FloatArray
-
-
-class Primitive(IntEnum):
-    """What to do with the two poses; values as in the PickPlace action."""
-
-    PICK_PLACE = 0
-    SWEEP = 1
-    FOLD = 2
 
 
 class Outcome(IntEnum):

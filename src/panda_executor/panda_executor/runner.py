@@ -8,16 +8,17 @@ import numpy as np
 import numpy.typing as npt
 
 from cliport_perception.pose import PlanarPose
+from cliport_perception.primitive import Primitive
 from cliport_perception.workspace import WorkspaceSpec
 from panda_executor.config import ExecutorConfig
 from panda_executor.drag import plan_drag
 from panda_executor.errors import ExecutorError, GraspError, PlanningError, RequestError, TrajectoryError
-from panda_executor.hand_geometry import HandShape
+from panda_executor.hand_geometry import MAX_OPENING, HandShape
 from panda_executor.limits import FloatArray
 from panda_executor.model import PandaModel
 from panda_executor.motions import Motion
 from panda_executor.ports import ArmPort, GripperPort, MotionStatus, ShouldStop
-from panda_executor.request import Outcome, Phase, PickPlaceRequest, PickPlaceResult, Primitive
+from panda_executor.request import Outcome, Phase, PickPlaceRequest, PickPlaceResult
 from panda_executor.request_check import check_cloud, check_positions, check_reach, check_request
 from panda_executor.scene import Scene
 from panda_executor.transfer import PickPlacePlan, TransferPlanner
@@ -27,6 +28,7 @@ OnPhase = Callable[[Phase, float], None]
 Cloud = npt.NDArray[np.float32]
 
 _SAME_WIDTH = 0.003  # the fingers need not move for less [m]
+_RELEASE = 0.006  # that the fingers open at least to let go [m]
 
 
 class _Ended(Exception):
@@ -166,7 +168,7 @@ class _Run:
         for motion in (plan.carry, plan.lower):
             self._move(motion, watch_load=True)
         self._enter(Phase.OPEN)
-        self._fingers(plan.placement.opening, self._config.open_force)
+        self._let_go(plan.placement.opening)
         self._enter(Phase.RETREAT)
         self._move(plan.leave)
         self._move(plan.retreat)
@@ -175,7 +177,8 @@ class _Run:
 
     def _drag(self, start: FloatArray) -> str:
         self._enter(Phase.GRASP_PLANNING)
-        plan = plan_drag(self._planner, self._request, self._cloud, self._workspace, start)
+        plan = plan_drag(self._planner, self._request, self._cloud, self._workspace, start, self._should_stop)
+        fold = self._request.primitive is Primitive.FOLD
         name = self._request.primitive.name.lower()
         if self._request.plan_only:
             return f"planned a {name}; nothing moved"
@@ -183,11 +186,15 @@ class _Run:
         self._enter(Phase.DESCEND)
         self._fingers(plan.opening, self._config.open_force)
         self._move(plan.descend)
-        if self._request.primitive is Primitive.FOLD:
+        if fold:
             self._enter(Phase.CLOSE)
             self._fingers(0.0, self._config.grip_force)
-        self._move(plan.drag)
-        if self._request.primitive is Primitive.FOLD:
+            if self._is_empty():
+                self._give_up_at(plan.opening, plan.escape, "the fingers closed on nothing")
+        if plan.lift is not None:
+            self._move(plan.lift)
+        self._move(plan.drag, watch_load=fold)
+        if fold:
             self._enter(Phase.OPEN)
             self._fingers(plan.opening, self._config.open_force)
         self._move(plan.leave)
@@ -196,13 +203,19 @@ class _Run:
         return f"the {name} was carried out"
 
     def _give_up(self, plan: PickPlacePlan | None, why: str) -> None:
+        if plan is None:
+            self._give_up_at(self._config.release_opening, None, why)
+        else:
+            escape = Motion(Phase.RETREAT, plan.raise_up.trajectory, plan.descend.scene)
+            self._give_up_at(plan.grasp.opening, escape, why)
+
+    def _give_up_at(self, opening: float, escape: Motion | None, why: str) -> None:
         """Open, rise out of the objects, and clear the view, so that a fresh observation can be made."""
         self._enter(Phase.RETREAT)
-        opening = self._config.release_opening if plan is None else plan.grasp.opening
         try:
             self._fingers(opening, self._config.open_force)
-            if plan is not None:
-                self._move(Motion(Phase.RETREAT, plan.raise_up.trajectory, plan.descend.scene))
+            if escape is not None:
+                self._move(escape)
             self._retreat_from_here()
         except ExecutorError as error:
             why = f"{why}; the arm stays where it is: {error}"
@@ -263,6 +276,17 @@ class _Run:
         if result.status is not MotionStatus.SUCCEEDED:
             why = result.message or "no reason given"
             raise _Ended(Outcome.EXECUTION_FAILED, f"the gripper's motion {result.status.value}: {why}")
+
+    def _let_go(self, opening: float) -> None:
+        """Open to `opening` [m], or until the fingers meet a wall beside the object once it is free."""
+        held = self._gripper.width()
+        # what is held may be wider than it was seen
+        wide = min(max(opening, held + _RELEASE), MAX_OPENING)
+        try:
+            self._fingers(wide, self._config.open_force)
+        except _Ended as end:
+            if end.outcome is not Outcome.EXECUTION_FAILED or self._gripper.width() < held + _RELEASE / 2.0:
+                raise
 
     def _is_empty(self) -> bool:
         return self._gripper.width() < self._config.missed_width

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -172,22 +172,17 @@ class TransferPlanner:
     ) -> PickPlacePlan:
         config = self.config
         turn = request.place.yaw - request.pick.yaw
-        loaded = HandShape(grasp.width, grasp.held)
-        placement = self._clear_placement(
-            plan_placement(
-                cloud, request.place, grasp.yaw + flip + turn, grasp, workspace,
-                config.scene.table_z, config.placement,
-            ),
-            rest_grid,
-            loaded,
-        )  # fmt: skip
+        grasp, placement = self._lowest_release(request, grasp, grasp.yaw + flip + turn, cloud, workspace)
+        held = grasp.held(flip)
+        loaded = HandShape(grasp.width, held)
+        placement = self._clear_placement(placement, rest_grid, loaded)
         above_z = max(grasp.tcp_z, placement.tcp_z) + config.approach_height
         pick_xy = (float(grasp.centroid[0]), float(grasp.centroid[1]))
         opened = self.scene(rest_grid, HandShape(grasp.opening))
         carried = self.scene(rest_grid, loaded)
         released = self.scene(rest_grid, HandShape(placement.opening))
         travelling = HandShape(margin=config.clearance)
-        loaded_wide = HandShape(grasp.width, grasp.held, config.clearance)
+        loaded_wide = HandShape(grasp.width, held, config.clearance)
         reason = "no approach to the object is free"
         for pick in self._approaches(Phase.DESCEND, pick_xy, grasp.tcp_z, above_z, grasp.yaw + flip, opened, start):
             try:
@@ -215,6 +210,23 @@ class TransferPlanner:
             reason = reason if reason != "no approach to the object is free" else "no way down at the place"
         raise PlanningError(reason)
 
+    def _lowest_release(
+        self,
+        request: PickPlaceRequest,
+        grasp: Grasp,
+        yaw: float,
+        cloud: npt.NDArray[np.float32],
+        workspace: WorkspaceSpec,
+    ) -> tuple[Grasp, Placement]:
+        """Grasp and placement; where the fingers find no room at the place, they hold the object nearer to its top."""
+        config = self.config
+        place = request.place, yaw
+        placement = plan_placement(cloud, *place, grasp, workspace, config.scene.table_z, config.placement)
+        if placement.fall > config.placement.worth and grasp.spare > 0.0:
+            grasp = grasp.raised(placement.fall)
+            placement = plan_placement(cloud, *place, grasp, workspace, config.scene.table_z, config.placement)
+        return grasp, placement
+
     def _clear_placement(self, placement: Placement, grid: ObstacleGrid, loaded: HandShape) -> Placement:
         """The placement, raised until hand, load and opened fingers are out of the columns.
 
@@ -225,7 +237,7 @@ class TransferPlanner:
             z = placement.tcp_z + step * _RELEASE_STEP
             pose = hand_down_pose(placement.x, placement.y, z, placement.yaw)
             if all(scene.hand_is_clear(pose.rotation, pose.translation) for scene in scenes):
-                return Placement(placement.x, placement.y, z, placement.yaw, placement.opening, placement.support_z)
+                return replace(placement, tcp_z=z)
         raise PlanningError(
             f"no room for hand and object at the place ({placement.x:.3f}, {placement.y:.3f}) m, "
             f"even {_RELEASE_RAISE * 100:.0f} cm higher"

@@ -10,6 +10,7 @@ import pytest
 from synthetic_clouds import Bowl, Cube, cloud_of
 
 from cliport_perception.pose import PlanarPose
+from cliport_perception.primitive import Primitive
 from cliport_perception.workspace import WorkspaceSpec
 from panda_executor.config import SearchConfig
 from panda_executor.drag import plan_drag
@@ -20,7 +21,7 @@ from panda_executor.limits import READY_POSITIONS, FloatArray
 from panda_executor.motions import Motion
 from panda_executor.obstacle_grid import BORDER, ObstacleGrid
 from panda_executor.path_search import find_path, line_is_free
-from panda_executor.request import Phase, PickPlaceRequest, Primitive
+from panda_executor.request import Phase, PickPlaceRequest
 from panda_executor.scene import Scene
 from panda_executor.transfer import PickPlacePlan, TransferPlanner
 
