@@ -7,6 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sim_bridge.errors import SimulationError
+
+_LOWEST_LIGHT = math.radians(5.0)
+
 
 @dataclass(frozen=True)
 class Appearance:
@@ -14,7 +18,10 @@ class Appearance:
 
     light_azimuth, light_elevation: where the light comes from [rad], azimuth about z from x, elevation above
     the table. diffuse, ambient: shares of a surface's colour; a level surface shows their weighted sum, so
-    the defaults show the palette's own colours. table_rgb: 0..255.
+    the defaults show the palette's own colours. table_rgb, floor_rgb, robot_rgb: 0..255.
+
+    Raises:
+        SimulationError: when the light is not above the table.
     """
 
     light_azimuth: float = math.radians(40.0)
@@ -24,6 +31,11 @@ class Appearance:
     table_rgb: tuple[float, float, float] = (74.0, 76.0, 80.0)
     floor_rgb: tuple[float, float, float] = (46.0, 44.0, 42.0)
     robot_rgb: tuple[float, float, float] = (222.0, 224.0, 226.0)
+
+    def __post_init__(self) -> None:
+        if not _LOWEST_LIGHT <= self.light_elevation <= math.pi / 2:
+            degrees = math.degrees(self.light_elevation)
+            raise SimulationError(f"a light at an elevation of {degrees:.1f} degrees: give one from 5 to 90")
 
     @property
     def to_light(self) -> tuple[float, float, float]:
@@ -36,13 +48,31 @@ class Appearance:
         )
 
 
-def random_appearance(rng: np.random.Generator) -> Appearance:
-    """A light from anywhere above and a greyish table, within what keeps the palette's colours apart."""
-    elevation = math.radians(rng.uniform(45.0, 82.0))
-    level = float(rng.uniform(0.88, 1.1))  # brightness of a lit level surface
-    share = float(rng.uniform(0.3, 0.6))  # of it, what the directed light gives
-    grey = float(rng.uniform(45.0, 105.0))
-    r, g, b = (float(v) for v in np.clip(grey + rng.uniform(-8.0, 8.0, size=3), 0.0, 255.0))
+@dataclass(frozen=True)
+class AppearanceRanges:
+    """What looks are drawn from, uniformly: each pair is the lowest and the highest value.
+
+    light_elevation [rad]; the light's azimuth is any. brightness: what a lit level surface shows of its colour;
+    diffuse_share: of that, what the directed light gives. table_grey: mean of the table's channels, 0..255;
+    table_tint: how far each may lie from it. The defaults keep the palette's colours apart.
+    """
+
+    light_elevation: tuple[float, float] = (math.radians(45.0), math.radians(82.0))
+    brightness: tuple[float, float] = (0.88, 1.1)
+    diffuse_share: tuple[float, float] = (0.3, 0.6)
+    table_grey: tuple[float, float] = (45.0, 105.0)
+    table_tint: float = 8.0
+
+
+def random_appearance(rng: np.random.Generator, ranges: AppearanceRanges | None = None) -> Appearance:
+    """A light from anywhere above and a greyish table."""
+    ranges = ranges or AppearanceRanges()
+    elevation = float(rng.uniform(*ranges.light_elevation))
+    level = float(rng.uniform(*ranges.brightness))
+    share = float(rng.uniform(*ranges.diffuse_share))
+    grey = float(rng.uniform(*ranges.table_grey))
+    tint = rng.uniform(-ranges.table_tint, ranges.table_tint, size=3)
+    r, g, b = (float(v) for v in np.clip(grey + tint, 0.0, 255.0))
     return Appearance(
         light_azimuth=float(rng.uniform(-math.pi, math.pi)),
         light_elevation=elevation,

@@ -9,35 +9,14 @@ import numpy.typing as npt
 
 from cliport_perception import CameraModel, Pose
 from sim_bridge.appearance import Appearance
+from sim_bridge.clean_frame import CleanFrame
 from sim_bridge.image_window import ImageWindow
-from sim_bridge.renderer import CleanFrame, Renderer
+from sim_bridge.renderer import Renderer
+from sim_bridge.sensor_noise import NoiseConfig, with_noise
 from sim_bridge.visible import Visible
 
 OPTICAL_FRAME = "camera_color_optical_frame"
 _STILL = 2e-4  # a pose's numbers [m, or of a rotation matrix] change less than this while nothing moves
-
-
-@dataclass(frozen=True)
-class NoiseConfig:
-    """Imperfections of the sensor; all zero (see `none`) gives perfect images.
-
-    color_sigma: of a channel, on the 0..255 scale. depth_sigma: of depth at 1 m, growing with its square [m].
-    edge_step: depth is lost beside steps larger than this [m]; edge_loss: with this probability.
-    min_facing: depth is lost where the cosine of the angle to the surface's normal is smaller.
-    loss: share of pixels without depth anywhere.
-    """
-
-    color_sigma: float = 3.0
-    depth_sigma: float = 0.0015
-    edge_step: float = 0.015
-    edge_loss: float = 0.7
-    min_facing: float = 0.15
-    loss: float = 0.002
-
-    @classmethod
-    def none(cls) -> NoiseConfig:
-        """A perfect sensor."""
-        return cls(0.0, 0.0, np.inf, 0.0, 0.0, 0.0)
 
 
 def default_intrinsics() -> CameraModel:
@@ -103,7 +82,7 @@ class SimCamera:
         appearance, true_camera_in_base: light and true mounting of this frame; as configured by default.
         """
         clean = self._clean(world, true_camera_in_base or self.camera_in_base, appearance or self.config.appearance)
-        color, depth = _with_noise(clean, self.config.noise, rng)
+        color, depth = with_noise(clean, self.config.noise, rng)
         return RgbdFrame(*self._in_full_frame(color, depth), world.time)
 
     def _clean(self, world: Visible, camera_in_base: Pose, appearance: Appearance) -> CleanFrame:
@@ -134,44 +113,7 @@ def _what_is_where(
     poses = [camera_in_base, *(world.object_pose(thing) for thing in world.objects)]
     poses += [world.panda.link_pose(index) for index in world.panda.link_indices.values()]
     where = np.concatenate([np.append(pose.rotation.ravel(), pose.translation) for pose in poses])
-    return (tuple(id(thing) for thing in world.objects), appearance), where
-
-
-def _with_noise(
-    clean: CleanFrame, noise: NoiseConfig, rng: np.random.Generator
-) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.float32]]:
-    """Noisy colour, and noisy depth with NaN where it is lost."""
-    color, depth = clean.color, np.where(np.isfinite(clean.depth), clean.depth, np.float32(np.nan))
-    if noise.color_sigma > 0.0:
-        grain = rng.standard_normal(color.shape, dtype=np.float32)
-        grain *= np.float32(noise.color_sigma)
-        grain += color
-        np.clip(np.rint(grain, out=grain), 0, 255, out=grain)
-        color = grain.astype(np.uint8)
-    lost = clean.facing < noise.min_facing
-    if noise.edge_loss > 0.0:
-        edge = _edges(depth, noise.edge_step)
-        lost |= edge & (rng.random(edge.shape, dtype=np.float32) < noise.edge_loss)
-    if noise.loss > 0.0:
-        lost |= rng.random(lost.shape, dtype=np.float32) < noise.loss
-    if noise.depth_sigma > 0.0:
-        jitter = rng.standard_normal(depth.shape, dtype=np.float32)
-        depth += jitter * np.float32(noise.depth_sigma) * depth**2
-    depth[lost] = np.nan
-    return color, depth
-
-
-def _edges(depth: npt.NDArray[np.float32], step: float) -> npt.NDArray[np.bool_]:
-    """Pixels on either side of a depth step, or beside nothing."""
-    known = np.where(np.isnan(depth), np.float32(1e3), depth)
-    edge = np.zeros(depth.shape, dtype=bool)
-    down = np.abs(np.diff(known, axis=0)) > step
-    right = np.abs(np.diff(known, axis=1)) > step
-    edge[:-1] |= down
-    edge[1:] |= down
-    edge[:, :-1] |= right
-    edge[:, 1:] |= right
-    return edge
+    return (tuple(world.objects), appearance), where
 
 
 def mounting_error(

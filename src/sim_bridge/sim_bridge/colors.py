@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from sim_bridge.errors import UnknownNameError
 
 Rgb = tuple[int, int, int]
@@ -33,3 +35,10 @@ def rgb(name: str) -> Rgb:
     if name not in COLORS:
         raise UnknownNameError("colour", name, COLORS)
     return COLORS[name]
+
+
+def random_brown(rng: np.random.Generator) -> Rgb:
+    """A lighter or darker brown (task specification, section 2)."""
+    shade = rng.uniform(0.5, 1.5)
+    r, g, b = (round(shade * channel) for channel in COLORS["brown"])
+    return r, g, b

@@ -29,5 +29,13 @@ class LayoutError(SimBridgeError):
     """No free place was found for all objects of a scene."""
 
 
+class PhysicsError(SimBridgeError):
+    """Objects that flew apart: the episode is worth nothing."""
+
+
+class ObjectFolderError(SimBridgeError):
+    """A folder of object meshes that is missing or not usable."""
+
+
 class GoalError(SimBridgeError):
     """An instruction that names no goal that this task can set up."""

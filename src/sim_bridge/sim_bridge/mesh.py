@@ -2,19 +2,87 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
+from scipy.spatial import ConvexHull
+
+from cliport_perception import Pose
+from sim_bridge import mesh_files, outlines
+from sim_bridge.errors import SimulationError
+
+_FEW = 64  # vertices
 
 
 @dataclass(frozen=True, eq=False)
 class TriangleMesh:
-    """vertices (N, 3) float32 [m] in the body frame; triangles (M, 3) int32, seen from outside ccw."""
+    """vertices (N, 3) float32 [m] in the body frame; triangles (M, 3) int32, seen from outside ccw.
+
+    Its look: colors (M, 3) uint8 RGB a triangle; or texture (H, W, 3) uint8 RGB with uv (M, 3, 2) float32, where
+    a triangle's corners lie in it, u to the right and v upwards, 0..1 and repeating. A triangle shows the texture
+    where its uv are not NaN, else its own colour, else the colour of the object that has the mesh.
+
+    Raises:
+        SimulationError: when shapes do not fit together.
+    """
 
     vertices: npt.NDArray[np.float32]
     triangles: npt.NDArray[np.int32]
+    colors: npt.NDArray[np.uint8] | None = None
+    uv: npt.NDArray[np.float32] | None = None
+    texture: npt.NDArray[np.uint8] | None = None
+
+    def __post_init__(self) -> None:
+        n = len(self.triangles)
+        if self.colors is not None and self.colors.shape != (n, 3):
+            raise SimulationError(f"{n} triangles need colors ({n}, 3), got {self.colors.shape}")
+        if (self.uv is None) != (self.texture is None):
+            raise SimulationError("a textured mesh needs both: uv and texture")
+        if self.uv is not None and self.uv.shape != (n, 3, 2):
+            raise SimulationError(f"{n} triangles need uv ({n}, 3, 2), got {self.uv.shape}")
+
+    @cached_property
+    def normals(self) -> npt.NDArray[np.float32]:
+        """(M, 3) unit vectors outwards, body frame; zero for a triangle without area."""
+        a, b, c = (self.vertices[self.triangles[:, i]].astype(np.float64) for i in range(3))
+        normals = np.cross(b - a, c - a)
+        normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
+        return normals.astype(np.float32)
+
+    @cached_property
+    def box_corners(self) -> npt.NDArray[np.float32]:
+        """(8, 3) [m], body frame: of the box about it along the frame's axes."""
+        ends = np.stack([self.vertices.min(axis=0), self.vertices.max(axis=0)])
+        return np.stack(np.meshgrid(*ends.T), axis=-1).reshape(8, 3)
+
+    @cached_property
+    def hull(self) -> npt.NDArray[np.float32]:
+        """Vertices (K, 3) with the same convex hull as all of them, fewer where there are many."""
+        if len(self.vertices) <= _FEW:
+            return self.vertices
+        return self.vertices[ConvexHull(self.vertices, qhull_options="QJ").vertices]  # QJ: takes flat things too
+
+    def texels(
+        self, triangle: npt.NDArray[np.intp], weights: npt.NDArray[np.float32]
+    ) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.bool_]]:
+        """The texture's nearest RGB (K, 3) at points of triangles (K,), and where there is one (K,).
+
+        weights (K, 2): of the second and third corner.
+        """
+        if self.uv is None or self.texture is None:
+            raise SimulationError("this mesh has no texture")
+        corners = self.uv.take(triangle, axis=0)
+        w1, w2 = weights[:, :1], weights[:, 1:]
+        u, v = (corners[:, 0] * (1 - w1 - w2) + corners[:, 1] * w1 + corners[:, 2] * w2).T
+        known = np.isfinite(u) & np.isfinite(v)
+        height, width = self.texture.shape[:2]
+        col = np.floor(np.where(known, u, 0.0) * width).astype(np.intp) % width
+        row = np.floor(np.where(known, 1.0 - v, 0.0) * height).astype(np.intp) % height
+        return self.texture[row, col], known
 
     @classmethod
     def box(cls, size: tuple[float, float, float]) -> TriangleMesh:
@@ -50,16 +118,96 @@ class TriangleMesh:
         return cls(np.concatenate(vertices).astype(np.float32), np.array(triangles, dtype=np.int32))
 
     @classmethod
-    def from_obj(cls, path: Path) -> TriangleMesh:
-        """The faces of a Wavefront OBJ file, polygons cut into fans."""
-        vertices: list[list[float]] = []
-        triangles: list[tuple[int, int, int]] = []
-        for line in path.read_text().splitlines():
-            words = line.split()
-            if words[:1] == ["v"]:
-                vertices.append([float(v) for v in words[1:4]])
-            elif words[:1] == ["f"]:
-                corner = [int(w.split("/")[0]) for w in words[1:]]
-                corner = [c - 1 if c > 0 else len(vertices) + c for c in corner]
-                triangles += [(corner[0], corner[i], corner[i + 1]) for i in range(1, len(corner) - 1)]
-        return cls(np.array(vertices, dtype=np.float32), np.array(triangles, dtype=np.int32))
+    def extruded(cls, outline: npt.ArrayLike, height: float, holes: Sequence[npt.ArrayLike] = ()) -> TriangleMesh:
+        """A prism over a polygon: its base at z = 0, its top at z = height [m].
+
+        outline (N, 2) and each hole (K, 2): corners [m] in order, clockwise or not, the first not repeated at the
+        end. They must not cross themselves or one another, and holes lie inside the outline.
+
+        Raises:
+            SimulationError: when an outline has no area, a hole lies outside, or the height is not positive.
+        """
+        if not height > 0.0:
+            raise SimulationError(f"a prism needs a height above 0, got {height} m")
+        rings = outlines.oriented(outline, holes)
+        flat = np.concatenate(rings)
+        n = len(flat)
+        vertices = np.column_stack([np.tile(flat, (2, 1)), np.repeat([0.0, height], n)])
+        cap = outlines.triangulated(rings)
+        starts = np.cumsum([0, *(len(ring) for ring in rings[:-1])])
+        here = np.arange(n)
+        there = np.concatenate([np.roll(start + np.arange(len(ring)), -1) for start, ring in zip(starts, rings)])
+        walls = [np.stack([here, there, there + n], axis=1), np.stack([here, there + n, here + n], axis=1)]
+        triangles = np.concatenate([cap[:, ::-1], cap + n, *walls])
+        return cls(vertices.astype(np.float32), triangles.astype(np.int32))
+
+    @classmethod
+    def joined(cls, meshes: Sequence[TriangleMesh]) -> TriangleMesh:
+        """All of them as one; they keep their colours and texture.
+
+        Raises:
+            SimulationError: when some have colours and others neither colours nor a texture, or two have textures.
+        """
+        offsets = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes[:-1])])
+        triangles = [mesh.triangles + np.int32(offset) for mesh, offset in zip(meshes, offsets)]
+        return cls(
+            np.concatenate([mesh.vertices for mesh in meshes]),
+            np.concatenate(triangles),
+            _joined_colors(meshes),
+            *_joined_texture(meshes),
+        )
+
+    @classmethod
+    def from_obj(cls, path: Path, texture: Path | None = None) -> TriangleMesh:
+        """The faces of a Wavefront OBJ file, polygons cut into fans; with its texture, where it has one.
+
+        The texture is the image at `texture`, else the map_Kd of the material file that the OBJ names, else the PNG
+        of the same name beside it.
+
+        Raises:
+            SimulationError: when the file is missing or is no such file.
+        """
+        return cls(*mesh_files.read_obj(path, texture))
+
+    @classmethod
+    def from_ply(cls, path: Path) -> TriangleMesh:
+        """The triangles of a PLY file; colours of its vertices, where it has them, averaged a triangle.
+
+        Raises:
+            SimulationError: when the file is missing or holds no triangles.
+        """
+        return cls(*mesh_files.read_ply(path))
+
+    def transformed(self, pose: Pose | None = None, scale: float | Sequence[float] = 1.0) -> TriangleMesh:
+        """Scaled about the origin, by one factor or one an axis, then moved; a mirror image faces outwards too."""
+        vertices = (pose or Pose.identity()).apply(self.vertices * np.asarray(scale, dtype=np.float64))
+        order = slice(None, None, -1 if np.prod(np.broadcast_to(scale, 3)) < 0.0 else 1)
+        uv = None if self.uv is None else self.uv[:, order]
+        return replace(self, vertices=vertices.astype(np.float32), triangles=self.triangles[:, order], uv=uv)
+
+    def colored(self, rgb: npt.ArrayLike) -> TriangleMesh:
+        """The same shape in one colour, 0..255 RGB (3,), or a colour a triangle (M, 3), without texture."""
+        colors = np.broadcast_to(np.asarray(rgb, dtype=np.uint8), (len(self.triangles), 3)).copy()
+        return TriangleMesh(self.vertices, self.triangles, colors)
+
+
+def _joined_colors(meshes: Sequence[TriangleMesh]) -> npt.NDArray[np.uint8] | None:
+    if all(mesh.colors is None for mesh in meshes):
+        return None
+    if any(mesh.colors is None and mesh.texture is None for mesh in meshes):
+        raise SimulationError("some parts have colours and others none: give those theirs with colored()")
+    none = np.zeros(3, dtype=np.uint8)  # never seen: such a part shows its texture
+    return np.concatenate([np.broadcast_to(none, m.triangles.shape) if m.colors is None else m.colors for m in meshes])
+
+
+def _joined_texture(
+    meshes: Sequence[TriangleMesh],
+) -> tuple[npt.NDArray[np.float32] | None, npt.NDArray[np.uint8] | None]:
+    textures = {id(mesh.texture): mesh.texture for mesh in meshes if mesh.texture is not None}
+    if not textures:
+        return None, None
+    if len(textures) > 1:
+        raise SimulationError(f"a mesh has one texture, got {len(textures)}: put them into one image")
+    untextured = [np.full((len(mesh.triangles), 3, 2), np.nan, dtype=np.float32) for mesh in meshes]
+    uv = [nan if mesh.uv is None else mesh.uv for mesh, nan in zip(meshes, untextured)]
+    return np.concatenate(uv), next(iter(textures.values()))

@@ -52,7 +52,7 @@ class SceneServices:
 
     def _score(self, request: GetScore.Request, response: GetScore.Response) -> GetScore.Response:
         try:
-            response.score, response.done = self._loop.call(self._score_now)
+            response.score, response.done, response.instruction = self._loop.call(self._score_now)
             task = self._task()
         except SimBridgeError as error:
             response.success, response.message = False, str(error)
@@ -65,9 +65,12 @@ class SceneServices:
         )
         return response
 
-    def _score_now(self) -> tuple[float, bool]:
+    def _score_now(self) -> tuple[float, bool, str]:
+        """Nothing is judged to be reached while the arm moves: what it carries may only pass by."""
         task = self._task()
-        return float(task.score()), bool(task.done())
+        if self._loop.arm.active is None:
+            task.advance()
+        return float(task.score()), bool(task.done()), task.instruction
 
     def _task(self) -> Task:
         task = cast(SimWorld, self._loop.world).task

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -9,13 +10,19 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from cliport_perception import Pose, WorkspaceSpec
+from cliport_perception import PlanarPose, Pose, WorkspaceSpec
 from sim_bridge.bullet import pybullet
-from sim_bridge.errors import SimulationError
-from sim_bridge.objects import SceneObject, body_pose, spawn_block, spawn_bowl
+from sim_bridge.colors import Rgb, rgb
+from sim_bridge.errors import LayoutError, PhysicsError, SimulationError
+from sim_bridge.objects import SceneObject, Shape
 from sim_bridge.panda import PandaArm
 from sim_bridge.tasks import Split, make_task
 from sim_bridge.tasks.base import Task
+
+LARGEST_SEED = 2**63 - 1  # what files and messages hold
+_STEEP = 0.7  # an axis with a larger vertical part stands upright
+_FAR = 2.0  # nothing belongs farther from the base [m]
+_IMPOSSIBLE_SPEED = 20.0  # [m/s]
 
 
 @dataclass(frozen=True)
@@ -29,6 +36,7 @@ class SimConfig:
     table_friction: float = 1.0
     settled_speed: float = 5e-3  # an object slower than this rests [m/s]
     max_settle_s: float = 2.0
+    max_layouts: int = 60  # scenes that are tried before one is given up
 
     def __post_init__(self) -> None:
         if self.rate_hz < 60 or self.solver_iterations < 1:
@@ -44,10 +52,10 @@ def scene_rng(task_name: str, split: Split, seed: int, stream: int = 0) -> np.ra
     stream: 0 for the scene itself; others are independent of it, for noise and variations around that scene.
 
     Raises:
-        SimulationError: when the seed is negative.
+        SimulationError: when the seed is negative or has more than 63 bits.
     """
-    if seed < 0:
-        raise SimulationError(f"seed must be 0 or more, got {seed}")
+    if not 0 <= seed <= LARGEST_SEED:
+        raise SimulationError(f"seed must be 0 to {LARGEST_SEED}, got {seed}")
     key = [zlib.crc32(task_name.encode()), list(Split).index(split), seed]
     return np.random.default_rng(np.random.SeedSequence(key, spawn_key=(stream,) if stream else ()))
 
@@ -98,13 +106,20 @@ class SimWorld:
         Raises:
             UnknownNameError: on an unknown task or split, naming the nearest ones.
             GoalError: when the instruction names no goal that the task knows.
-            LayoutError: when the objects found no room.
-            SimulationError: on a negative seed.
+            LayoutError: when the objects found no room in `max_layouts` drawn scenes.
+            PhysicsError: when the objects flew apart.
+            SimulationError: on a seed out of range.
         """
         task = make_task(task_name, split, instruction)
         rng = scene_rng(task.name, task.split, seed)
-        self._build()
-        task.reset(self, rng)
+        for layouts_left in reversed(range(self.config.max_layouts)):
+            self._build()
+            try:
+                task.reset(self, rng)
+                break
+            except LayoutError:
+                if layouts_left == 0:
+                    raise
         self.settle()
         self._task = task
         return task
@@ -115,34 +130,72 @@ class SimWorld:
         self._steps += 1
 
     def settle(self) -> bool:
-        """Step until every object rests or `max_settle_s` passed; whether they rest."""
+        """Step until every object rests or `max_settle_s` passed; whether they rest.
+
+        Raises:
+            PhysicsError: when an object left the scene or moves impossibly fast.
+        """
         for i in range(round(self.config.max_settle_s * self.config.rate_hz)):
             if i >= 24 and self._at_rest():
-                return True
+                break
             self.step()
+        self._check()
         return self._at_rest()
 
-    def add_block(self, color: str, x: float, y: float, yaw: float) -> SceneObject:
-        """A cube on the table (see objects)."""
-        return self._added(spawn_block(self.client, color, x, y, yaw))
+    def add(
+        self, shape: Shape, pose: Pose, color: str = "", paint: Rgb | None = None, fixed: bool = False
+    ) -> SceneObject:
+        """A thing of that shape at that pose, at rest; a fixed one never moves.
 
-    def add_bowl(self, color: str, x: float, y: float, yaw: float, fixed: bool) -> SceneObject:
-        """A bowl on the table (see objects)."""
-        return self._added(spawn_bowl(self.client, color, x, y, yaw, fixed))
+        color: of the benchmark's; paint: 0..255, for what has a colour of its own; white when neither is given.
+
+        Raises:
+            UnknownNameError: when the benchmark has no such colour.
+        """
+        body: int = pybullet.createMultiBody(
+            baseMass=0.0 if fixed else shape.mass,
+            baseCollisionShapeIndex=shape.collision.create(self.client) if shape.collision else -1,
+            basePosition=pose.translation.tolist(),
+            baseOrientation=pose.as_quaternion_xyzw().tolist(),
+            physicsClientId=self.client,
+        )
+        pybullet.changeDynamics(
+            body,
+            -1,
+            lateralFriction=shape.friction,
+            spinningFriction=0.002,
+            rollingFriction=shape.rolling_friction,
+            physicsClientId=self.client,
+        )
+        thing = SceneObject(shape, color, paint or (rgb(color) if color else (255, 255, 255)), body, fixed)
+        self._objects.append(thing)
+        return thing
+
+    def remove(self, thing: SceneObject) -> None:
+        """Take a thing out of the world."""
+        pybullet.removeBody(thing.body, physicsClientId=self.client)
+        self._objects.remove(thing)
 
     def object_pose(self, thing: SceneObject) -> Pose:
         """Pose of the object's centre in the base frame."""
-        return body_pose(self.client, thing.body)
+        position, quaternion = pybullet.getBasePositionAndOrientation(thing.body, physicsClientId=self.client)
+        return Pose.from_quaternion_xyzw(np.asarray(quaternion), np.asarray(position))
 
     def object_xy(self, thing: SceneObject) -> npt.NDArray[np.float64]:
         """(2,) centre of the object [m]."""
         return self.object_pose(thing).translation[:2]
 
     def object_yaw(self, thing: SceneObject) -> float:
-        """Turn of the object about z [rad], of the block's horizontal edges where it lies on another face."""
+        """Turn of the object's x axis about z [rad]; where that axis stands upright, of its y axis less a quarter."""
         rotation = self.object_pose(thing).rotation
-        flat = int(np.argmin(np.abs(rotation[2])))  # an axis of the body that lies nearly level
-        return float(np.arctan2(rotation[1, flat], rotation[0, flat]))
+        if abs(rotation[2, 0]) < _STEEP:
+            return math.atan2(rotation[1, 0], rotation[0, 0])
+        return math.atan2(rotation[1, 1], rotation[0, 1]) - math.pi / 2
+
+    def planar_pose(self, thing: SceneObject) -> PlanarPose:
+        """Where the object is on the table, and its yaw."""
+        x, y = self.object_xy(thing)
+        return PlanarPose(float(x), float(y), self.object_yaw(thing))
 
     def move_object(self, thing: SceneObject, pose: Pose) -> None:
         """Put an object somewhere, at rest (for demonstrations without the arm, and for tests)."""
@@ -160,10 +213,6 @@ class SimWorld:
             pybullet.disconnect(physicsClientId=self.client)
             self.client = -1
 
-    def _added(self, thing: SceneObject) -> SceneObject:
-        self._objects.append(thing)
-        return thing
-
     def _at_rest(self) -> bool:
         for thing in self._objects:
             if thing.fixed:
@@ -173,6 +222,17 @@ class SimWorld:
                 return False
         return True
 
+    def _check(self) -> None:
+        """Physics that explodes must not become a score."""
+        for thing in self._objects:
+            if thing.fixed:
+                continue
+            at = self.object_pose(thing).translation
+            linear, _ = pybullet.getBaseVelocity(thing.body, physicsClientId=self.client)
+            speed = float(np.linalg.norm(linear))
+            if not (np.isfinite(at).all() and np.abs(at).max() < _FAR and speed < _IMPOSSIBLE_SPEED):
+                raise PhysicsError(f"the {thing.described} flew off to {np.round(at, 2).tolist()} m at {speed:.0f} m/s")
+
     def _build(self) -> None:
         """Everything anew, so that nothing of the last scene can reach this one."""
         pybullet.resetSimulation(physicsClientId=self.client)
@@ -181,6 +241,8 @@ class SimWorld:
             fixedTimeStep=self.dt,
             numSolverIterations=self.config.solver_iterations,
             deterministicOverlappingPairs=1,
+            # a tenth of Bullet's: its contacts keep their normals, and old ones made turned things stick to a finger
+            contactBreakingThreshold=0.002,
             physicsClientId=self.client,
         )
         self._objects = []

@@ -29,8 +29,8 @@ class WorldSnapshot:
         self.time = world.time
         self.objects: Sequence[SceneObject] = world.objects
         self.panda = PandaSnapshot(world.panda)
-        self._poses = [(thing, world.object_pose(thing)) for thing in self.objects]
+        self._poses = {thing: world.object_pose(thing) for thing in self.objects}
 
     def object_pose(self, thing: SceneObject) -> Pose:
         """Pose of the object's centre in the base frame."""
-        return next(pose for known, pose in self._poses if known is thing)
+        return self._poses[thing]

@@ -5,14 +5,15 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from cliport_perception import CameraModel, Pose, WorkspaceSpec, heightmap_from_rgbd
-from sim_bridge.appearance import Appearance, random_appearance
-from sim_bridge.camera import CameraConfig, NoiseConfig, SimCamera, default_camera_in_base, mounting_error
+from cliport_perception import CameraModel, PlanarPose, Pose, WorkspaceSpec, heightmap_from_rgbd
+from sim_bridge.appearance import Appearance, AppearanceRanges, random_appearance
+from sim_bridge.camera import CameraConfig, SimCamera, default_camera_in_base, mounting_error
 from sim_bridge.colors import COLORS
+from sim_bridge.errors import SimulationError
 from sim_bridge.image_window import ImageWindow
-from sim_bridge.mesh import TriangleMesh
-from sim_bridge.objects import BOWL_HEIGHT, BOWL_RADIUS, bowl_mesh
+from sim_bridge.objects import block_shape, bowl_shape
 from sim_bridge.renderer import Renderer
+from sim_bridge.sensor_noise import NoiseConfig
 from sim_bridge.world import SimWorld
 
 SMALL = CameraModel(240, 136, 135.0, 135.0, 120.0, 68.0)
@@ -25,8 +26,16 @@ def world() -> Iterator[SimWorld]:
     world.close()
 
 
+def add_block(world: SimWorld, color: str, x: float, y: float) -> None:
+    world.add(block_shape(), PlanarPose(x, y, 0.0).as_pose(0.02), color)
+
+
+def add_bowl(world: SimWorld, color: str, x: float, y: float) -> None:
+    world.add(bowl_shape(), PlanarPose(x, y, 0.0).as_pose(0.0175), color, fixed=True)
+
+
 def test_depth_of_the_table_and_of_a_block_is_analytic(world: SimWorld) -> None:
-    world.add_block("red", 0.45, 0.1, 0.0)
+    add_block(world, "red", 0.45, 0.1)
     pose = default_camera_in_base()
     frame = Renderer(SMALL, ImageWindow.whole(SMALL)).render(world, pose, Appearance())
     points = pose.apply(SMALL.rays() * np.where(np.isfinite(frame.depth), frame.depth, 0.0)[..., None])
@@ -41,7 +50,7 @@ def test_depth_of_the_table_and_of_a_block_is_analytic(world: SimWorld) -> None:
 def test_level_surfaces_show_the_palettes_colours(world: SimWorld) -> None:
     places = [(0.3 + 0.1 * (i % 4), -0.3 + 0.25 * (i // 4)) for i in range(len(COLORS))]
     for (name, _), (x, y) in zip(COLORS.items(), places, strict=True):
-        world.add_block(name, x, y, 0.0)
+        add_block(world, name, x, y)
     camera = SimCamera(CameraConfig(noise=NoiseConfig.none()))
     frame = camera.capture(world, np.random.default_rng(0))
     spec = WorkspaceSpec()
@@ -68,7 +77,7 @@ def test_shadow_darkens_the_table_behind_a_bowl(world: SimWorld) -> None:
     pose = default_camera_in_base()
     renderer = Renderer(SMALL, ImageWindow.whole(SMALL))
     empty = renderer.render(world, pose, look)
-    world.add_bowl("green", 0.45, 0.0, 0.0, fixed=True)
+    add_bowl(world, "green", 0.45, 0.0)
     full = renderer.render(world, pose, look)
     same_surface = abs(full.depth - empty.depth) < 1e-6
     darker = full.color.astype(int).sum(-1) < 0.75 * empty.color.astype(int).sum(-1)
@@ -81,7 +90,7 @@ def test_shadow_darkens_the_table_behind_a_bowl(world: SimWorld) -> None:
 
 
 def test_window_equals_the_same_part_of_the_whole_image(world: SimWorld) -> None:
-    world.add_bowl("pink", 0.5, -0.2, 0.0, fixed=True)
+    add_bowl(world, "pink", 0.5, -0.2)
     pose = default_camera_in_base()
     window = ImageWindow(30, 100, 50, 200)
     whole = Renderer(SMALL, ImageWindow.whole(SMALL)).render(world, pose, Appearance())
@@ -91,7 +100,7 @@ def test_window_equals_the_same_part_of_the_whole_image(world: SimWorld) -> None
 
 
 def test_same_generator_gives_the_same_noisy_frame_and_noise_is_as_told(world: SimWorld) -> None:
-    world.add_bowl("blue", 0.45, 0.2, 0.0, fixed=True)
+    add_bowl(world, "blue", 0.45, 0.2)
     camera = SimCamera(CameraConfig(intrinsics=SMALL))
     clean = SimCamera(CameraConfig(intrinsics=SMALL, noise=NoiseConfig.none()))
     first, second = (camera.capture(world, np.random.default_rng(3)) for _ in range(2))
@@ -120,22 +129,9 @@ def test_random_looks_keep_level_surfaces_bright_enough_and_errors_small() -> No
     assert isinstance(mounting_error(Pose.identity(), rng), Pose)
 
 
-@pytest.mark.parametrize("mesh", [TriangleMesh.box((0.1, 0.2, 0.3)), bowl_mesh()])
-def test_meshes_are_closed_and_face_outwards(mesh: TriangleMesh) -> None:
-    edges: dict[tuple[int, int], int] = {}
-    for triangle in mesh.triangles.tolist():
-        for i in range(3):
-            edge = (triangle[i], triangle[(i + 1) % 3])
-            edges[edge] = edges.get(edge, 0) + 1
-    assert all(count == 1 and edges.get(edge[::-1]) == 1 for edge, count in edges.items())
-    a, b, c = (mesh.vertices[mesh.triangles[:, i]].astype(float) for i in range(3))
-    volume = np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6.0
-    assert volume > 0.0
-
-
-def test_bowl_has_the_specified_size_about_its_middle() -> None:
-    vertices = bowl_mesh().vertices
-    assert np.linalg.norm(vertices[:, :2], axis=1).max() == pytest.approx(BOWL_RADIUS, abs=1e-6)
-    assert vertices[:, 2].min() == pytest.approx(-BOWL_HEIGHT / 2)
-    assert vertices[:, 2].max() == pytest.approx(BOWL_HEIGHT / 2)
-    np.testing.assert_allclose(vertices[:, :2].mean(axis=0), 0.0, atol=1e-6)
+def test_ranges_of_looks_are_parameters_and_a_light_below_the_table_is_refused() -> None:
+    ranges = AppearanceRanges(light_elevation=(1.2, 1.3), table_grey=(60.0, 60.0), table_tint=0.0)
+    look = random_appearance(np.random.default_rng(0), ranges)
+    assert 1.2 <= look.light_elevation <= 1.3 and look.table_rgb == (60.0, 60.0, 60.0)
+    with pytest.raises(SimulationError, match=r"elevation of -5\.7 degrees: give one from 5 to 90"):
+        Appearance(light_elevation=-0.1)

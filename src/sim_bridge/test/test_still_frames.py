@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from sim_bridge.camera import CameraConfig, NoiseConfig, SimCamera
+from sim_bridge.camera import CameraConfig, SimCamera
+from sim_bridge.sensor_noise import NoiseConfig
 from sim_bridge.world import SimConfig, SimWorld
 
 TASK = "put-blocks-in-bowls-seen-colors"

@@ -1,0 +1,24 @@
+"""The arm's coarse meshes, as the renderer shows it."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from pathlib import Path
+
+import pybullet_data
+
+from sim_bridge.mesh import TriangleMesh
+
+_PARTS = (*(f"link{i}" for i in range(8)), "hand")
+
+
+@lru_cache(maxsize=1)
+def panda_meshes() -> dict[str, TriangleMesh]:
+    """By link name, each in its link's frame."""
+    folder = Path(pybullet_data.getDataPath()) / "franka_panda" / "meshes" / "collision"
+    meshes = {f"panda_{name}": TriangleMesh.from_obj(folder / f"{name}.obj") for name in _PARTS}
+    finger = TriangleMesh.from_obj(folder / "finger.obj")
+    meshes["panda_leftfinger"] = finger
+    # the right finger is the left one turned half round about z
+    meshes["panda_rightfinger"] = finger.transformed(scale=(-1.0, -1.0, 1.0))
+    return meshes
