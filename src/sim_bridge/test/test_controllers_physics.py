@@ -4,7 +4,7 @@ import numpy as np
 import pybullet
 import pytest
 
-from cliport_perception import Pose
+from cliport_perception import PlanarPose, Pose
 from sim_bridge.controllers import (
     GoalStatus,
     GripperController,
@@ -12,6 +12,7 @@ from sim_bridge.controllers import (
     JointTrajectoryController,
     TrajectoryGoal,
 )
+from sim_bridge.objects import block_shape
 from sim_bridge.panda import READY_POSITIONS
 from sim_bridge.world import SimWorld
 
@@ -75,7 +76,7 @@ def test_cancel_stops_the_panda(rig):
 
 def test_a_block_is_held_and_carried(rig):
     world = rig.world
-    block = world.add_block("red", 0.5, 0.2, 0.0)
+    block = world.add(block_shape(), PlanarPose(0.5, 0.2, 0.0).as_pose(0.02), "red")
     tcp = world.panda.tcp_in_base()
     pybullet.setGravity(0, 0, 0, physicsClientId=world.client)
     world.move_object(block, Pose(tcp.rotation, tcp.translation))

@@ -339,7 +339,7 @@ def test_reset_and_score(client):
     score = client.get(client.score.call_async(GetScore.Request()))
     assert (score.success, score.task, score.split, score.seed) == (True, TASK, "test", 3)
     assert (score.score, score.done) == (0.0, False)
-    bad = client.make_scene(task="put-block-in-bowl")
+    bad = client.make_scene(task="put-blocks-in-bowls-seen-colours")
     assert not bad.success
     assert TASK in bad.message
     assert "\n" not in bad.message

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from sim_bridge.errors import SimulationError
-from sim_bridge.objects import Kind
 from sim_bridge.panda import READY_POSITIONS
 from sim_bridge.world import SimConfig, SimWorld
 
@@ -53,7 +52,7 @@ def test_friction_lifts_carries_and_releases(scripted_hand: Callable[[SimWorld],
         action = task.expert_action()
         assert action is not None
         pick, place = action.pick, action.place
-        blocks = [o for o in task.objects if o.kind is Kind.BLOCK]
+        blocks = [o for o in task.objects if o.name == "block"]
         block = min(blocks, key=lambda b: np.linalg.norm(world.object_xy(b) - (pick.x, pick.y)))
         hand = scripted_hand(world)
         hand.go(pick.x, pick.y, 0.15, pick.yaw, 1.5)

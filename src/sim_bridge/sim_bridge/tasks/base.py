@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cliport_perception import PlanarPose
+from cliport_perception import PlanarPose, Primitive
 from sim_bridge.objects import SceneObject
 
 if TYPE_CHECKING:
@@ -36,20 +36,36 @@ class ExpertAction:
     place: PlanarPose
     pick_yaw_period: float
     instruction: str
+    primitive: Primitive = Primitive.PICK_PLACE
+
+
+@dataclass(frozen=True)
+class Choice:
+    """What two poses mean in a scene: what is picked and what it is placed at ("" for nothing), and whether each
+    is what the present goal asks for."""
+
+    picked: str
+    place: str
+    pick_right: bool
+    place_right: bool
 
 
 class Task(ABC):
-    """One task's scene, goal, metric and expert, in one world."""
+    """One task's scene, goals, metric and expert, in one world.
+
+    primitive: what the hand does with two poses here.
+    """
 
     name: str
     split: Split
+    primitive: Primitive = Primitive.PICK_PLACE
 
     @abstractmethod
     def reset(self, world: SimWorld, rng: np.random.Generator) -> None:
-        """Spawn the objects into an empty world and draw the goal.
+        """Spawn the objects into an empty world and draw the goals; rng draws everything.
 
         Raises:
-            LayoutError: when the objects found no room.
+            LayoutError: when the objects found no room; the caller tries again in an empty world.
         """
 
     @property
@@ -69,12 +85,34 @@ class Task(ABC):
 
     @abstractmethod
     def score(self) -> float:
-        """How much of the goal is reached, 0..1."""
+        """How much of the whole task is reached now, 0..1; changes nothing."""
+
+    @abstractmethod
+    def advance(self) -> None:
+        """Judge the scene after an action: when the present goal is reached, the next one becomes present."""
 
     @abstractmethod
     def expert_action(self) -> ExpertAction | None:
-        """What to do next; None when nothing is left to do."""
+        """What to do next; None when nothing is left to do, or nothing can be done."""
+
+    @abstractmethod
+    def judge(self, pick: PlanarPose, place: PlanarPose) -> Choice:
+        """What an action with these poses would mean, before it is carried out."""
+
+    @property
+    def object_source(self) -> str:
+        """Which set of everyday objects the scenes are made of; "" for a task without any.
+
+        Raises:
+            ObjectFolderError: when the set cannot be used.
+        """
+        return ""
+
+    @property
+    def goals_reached(self) -> int:
+        """How many of the goals were reached, one after another."""
+        return int(self.done())
 
     def done(self) -> bool:
-        """Whether the goal is reached."""
+        """Whether the whole task is reached."""
         return self.score() > 0.99

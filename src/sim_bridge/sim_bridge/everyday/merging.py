@@ -1,0 +1,43 @@
+"""Fewer convex pieces for about the same body: physics is paid by the piece."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial import ConvexHull
+
+FloatArray = npt.NDArray[np.float64]
+
+_ADDED = 0.01  # share of the whole volume that one union may add
+_MOST = 12  # pieces; beyond that a union may add more
+
+
+def merged(pieces: Sequence[FloatArray]) -> list[FloatArray]:
+    """Corners (N, 3) of convex pieces, of which those are made one whose common hull is hardly larger."""
+    kept = dict(enumerate(_hull(piece) for piece in pieces))
+    total = sum(volume for _, volume in kept.values())
+    unions = {pair: _union(kept, *pair) for pair in itertools.combinations(kept, 2)}
+    while unions:
+        pair, (corners, volume, added) = min(unions.items(), key=lambda item: item[1][2])
+        if added > _ADDED * total and len(kept) <= _MOST:
+            break
+        unions = {other: union for other, union in unions.items() if not set(other) & set(pair)}
+        new = max(kept) + 1
+        kept = {key: hull for key, hull in kept.items() if key not in pair} | {new: (corners, volume)}
+        unions |= {(key, new): _union(kept, key, new) for key in kept if key != new}
+    return [corners for corners, _ in kept.values()]
+
+
+def _hull(corners: FloatArray) -> tuple[FloatArray, float]:
+    """The corners that matter, and the volume of their convex hull."""
+    hull = ConvexHull(corners)
+    return corners[hull.vertices], float(hull.volume)
+
+
+def _union(kept: dict[int, tuple[FloatArray, float]], a: int, b: int) -> tuple[FloatArray, float, float]:
+    """Corners and volume of the common hull of two, and how much it is larger than both."""
+    corners, volume = _hull(np.concatenate([kept[a][0], kept[b][0]]))
+    return corners, volume, volume - kept[a][1] - kept[b][1]

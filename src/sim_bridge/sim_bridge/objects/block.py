@@ -1,0 +1,36 @@
+"""Solid cuboids: the stacking cube and boxes of any size."""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+
+from sim_bridge.mesh import TriangleMesh
+from sim_bridge.objects.collision import Collision
+from sim_bridge.objects.shape import Pinch, Shape
+
+BLOCK_SIZE = 0.04  # edge [m]
+BLOCK_MASS = 0.03  # [kg]
+WIDEST_PINCH = 0.072  # that the hand still takes with room to spare [m]
+
+
+@lru_cache(maxsize=1)
+def block_shape() -> Shape:
+    """The cube of the bowl and pyramid tasks (task specification, section 3), heavier for steadier grasps."""
+    return cuboid("block", (BLOCK_SIZE, BLOCK_SIZE, BLOCK_SIZE), BLOCK_MASS)
+
+
+def cuboid(name: str, size: tuple[float, float, float], mass: float, friction: float = 1.0) -> Shape:
+    """A box of `size` (x, y, z) [m], its frame in its middle."""
+    x, y, _ = size
+    square = math.isclose(x, y)
+    pinches = sorted((Pinch(0.0, 0.0, yaw, w) for yaw, w in ((0.0, x), (math.pi / 2, y))), key=lambda p: p.width)
+    return Shape(
+        name,
+        TriangleMesh.box(size),
+        Collision.box(size),
+        mass,
+        symmetry=math.pi / 2 if square else math.pi,
+        friction=friction,
+        pinches=tuple(p for p in pinches if p.width <= WIDEST_PINCH),
+    )

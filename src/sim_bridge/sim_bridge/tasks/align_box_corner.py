@@ -1,0 +1,66 @@
+"""align-box-corner: a box of any size onto the corner that is marked for it (task specification, section 8)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cliport_perception import Pose
+from sim_bridge.colors import random_brown
+from sim_bridge.objects import cuboid
+from sim_bridge.objects.block import WIDEST_PINCH
+from sim_bridge.objects.corner import corner_shape
+from sim_bridge.tasks.free_space import free_pose
+from sim_bridge.tasks.goal import Goal, PoseMetric
+from sim_bridge.tasks.goal_task import GoalTask
+
+if TYPE_CHECKING:
+    from sim_bridge.world import SimWorld
+
+SIDES = (0.05, 0.15)  # [m]
+HEIGHTS = (0.01, 0.06)  # [m]
+BOX_MASS = 0.1  # [kg]
+
+
+class AlignBoxCorner(GoalTask):
+    """The box may lie in the corner in any of four ways: either side along either strip, either way round."""
+
+    done_sentence = "done aligning the box."
+
+    def set_up(self, world: SimWorld, rng: np.random.Generator) -> Sequence[Goal]:
+        """See GoalTask."""
+        x, y, z = _box_size(rng)
+        shape = cuboid("box", (x, y, z), BOX_MASS)
+        corner = free_pose(world, shape, rng).as_pose()
+        world.add(corner_shape(x, y), corner, fixed=True)
+        box = world.add(shape, free_pose(world, shape, rng).as_pose(z / 2), paint=random_brown(rng))
+        quarter = ((x - y) / 2, (y - x) / 2)
+        places = [(0.0, 0.0, 0.0), (0.0, 0.0, math.pi), (*quarter, math.pi / 2), (*quarter, -math.pi / 2)]
+        targets = [corner @ Pose.from_xyz_rpy((dx, dy, z / 2), (0.0, 0.0, yaw)) for dx, dy, yaw in places]
+        return (
+            Goal(
+                "align the brown box with the green corner",
+                (box,),
+                tuple(targets),
+                np.ones((1, len(targets)), dtype=bool),
+                PoseMetric(),
+                max_reward=1.0,
+                symmetries=(math.tau,),
+            ),
+        )
+
+    @property
+    def max_steps(self) -> int:
+        """Two mistakes are allowed."""
+        return 3
+
+
+def _box_size(rng: np.random.Generator) -> tuple[float, float, float]:
+    """(x, y, z) [m], drawn again until the hand spans one side."""
+    while True:
+        x, y = rng.uniform(*SIDES, 2)
+        if min(x, y) <= WIDEST_PINCH:
+            return float(x), float(y), float(rng.uniform(*HEIGHTS))

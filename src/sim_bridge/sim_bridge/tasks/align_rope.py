@@ -1,0 +1,149 @@
+"""align-rope and manipulating-rope: a rope onto one side of a square (task specification, sections 7.1 and 8)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cliport_perception import PlanarPose, Pose, Primitive
+from sim_bridge.errors import LayoutError
+from sim_bridge.objects import SceneObject
+from sim_bridge.objects.corner import PURE_GREEN
+from sim_bridge.objects.rope import (
+    ROPE_BEADS,
+    SQUARE_SIDE,
+    bead_shape,
+    leaning_chain,
+    link_beads,
+    square_shape,
+)
+from sim_bridge.objects.sleeping import let_sleep
+from sim_bridge.tasks.base import ExpertAction, Split
+from sim_bridge.tasks.free_space import free_pose
+from sim_bridge.tasks.goal import Goal, PoseMetric
+from sim_bridge.tasks.goal_task import GoalTask
+from sim_bridge.tasks.rope_expert import next_fold
+
+if TYPE_CHECKING:
+    from sim_bridge.world import SimWorld
+
+ON_SLOT = PoseMetric(position=0.02)
+# the square's corners, in halves of its side, at which a rope begins and ends, and what the sentence calls it
+SIDES: tuple[tuple[tuple[float, float], tuple[float, float], str], ...] = (
+    ((1, 1), (-1, 1), "front left tip to front right tip"),
+    ((1, 1), (1, -1), "front right tip to back right corner"),
+    ((-1, 1), (-1, -1), "front left tip to back left corner"),
+    ((1, -1), (-1, -1), "back right corner to back left corner"),
+)
+
+_FALL = 1.0  # while the rope comes to lie [s]
+_FOOTPRINT = 0.1 * math.sqrt(0.5)  # radius of the disc that the rope falls about [m]
+_SQUARE_BORDER = 0.01  # between the square's corners and the workspace's edge [m]
+_ROPE_BORDER = 0.03  # between a bead and the workspace's edge [m]
+_DRAWS = 200  # of a pose for the square
+
+
+class AlignRope(GoalTask):
+    """A rope of 20 beads beside a square whose front side is missing; the rope goes onto one side, either way round."""
+
+    done_sentence = "done aligning the rope."
+    primitive = Primitive.FOLD
+
+    def __init__(self, name: str, split: Split) -> None:
+        super().__init__(name, split)
+        self.beads: tuple[SceneObject, ...] = ()
+
+    def set_up(self, world: SimWorld, rng: np.random.Generator) -> Sequence[Goal]:
+        """See GoalTask."""
+        square = _square_pose(world, rng)
+        world.add(square_shape(), square, paint=PURE_GREEN, fixed=True)
+        self.beads = _drop_rope(world, rng)
+        return (self.goal(square, self.side(rng)),)
+
+    def side(self, rng: np.random.Generator) -> int:
+        """Which of SIDES is asked for."""
+        return int(rng.integers(len(SIDES)))
+
+    def sentence(self, side: int) -> str:
+        """What is asked for."""
+        return f"align the rope from {SIDES[side][2]}"
+
+    def goal(self, square: Pose, side: int) -> Goal:
+        """The rope along a side of the square: each bead in its slot, counted from either end."""
+        begin, end = (np.array([*corner, 0.0]) * (SQUARE_SIDE / 2) for corner in SIDES[side][:2])
+        slots = square.apply(begin + (np.arange(ROPE_BEADS)[:, None] + 0.5) / ROPE_BEADS * (end - begin))
+        either_way = np.eye(ROPE_BEADS, dtype=bool) | np.eye(ROPE_BEADS, dtype=bool)[::-1]
+        targets = tuple(Pose(square.rotation, slot) for slot in slots)
+        return Goal(self.sentence(side), self.beads, targets, either_way, ON_SLOT, max_reward=1.0, turn=False)
+
+    @property
+    def max_steps(self) -> int:
+        """As many as there are beads."""
+        return ROPE_BEADS
+
+    def expert_for(self, goal: Goal) -> ExpertAction | None:
+        """One bead to its slot, the rest of the rope behind it."""
+        world = self.world
+        beads = np.array([world.object_xy(bead) for bead in goal.objects])
+        slots = np.array([target.translation[:2] for target in goal.targets])
+        return next_fold(beads, slots, goal.sentence)
+
+
+class ManipulatingRope(AlignRope):
+    """The rope always closes the square."""
+
+    done_sentence = "done manipulating the rope."
+
+    def side(self, rng: np.random.Generator) -> int:
+        """The missing one."""
+        return 0
+
+    def sentence(self, side: int) -> str:
+        """See AlignRope."""
+        return "manipulate the rope to complete the square"
+
+
+def _square_pose(world: SimWorld, rng: np.random.Generator) -> Pose:
+    """Any place and yaw at which all of the square lies within the workspace."""
+    workspace = world.config.workspace
+    for _ in range(_DRAWS):
+        x = float(rng.uniform(workspace.x_min, workspace.x_max))
+        y = float(rng.uniform(workspace.y_min, workspace.y_max))
+        pose = PlanarPose(x, y, float(rng.uniform(-math.pi, math.pi))).as_pose()
+        if _inside(world, pose.apply(square_shape().mesh.vertices), _SQUARE_BORDER):
+            return pose
+    raise LayoutError(
+        f"no room for a square of {1000 * SQUARE_SIDE:.0f} mm in a workspace "
+        f"{workspace.x_max - workspace.x_min:.2f} m wide; use a larger workspace"
+    )
+
+
+def _drop_rope(world: SimWorld, rng: np.random.Generator) -> tuple[SceneObject, ...]:
+    """The rope as it lies after its fall; its ends are white.
+
+    Raises:
+        LayoutError: when it reaches too near to the workspace's edge.
+    """
+    centre = free_pose(world, bead_shape(), rng, radius=_FOOTPRINT)
+    about = Pose(np.eye(3), np.array([centre.x, centre.y, 0.0]))
+    colors = ["white", *["red"] * (ROPE_BEADS - 2), "white"]
+    beads = [
+        world.add(bead_shape(), about @ pose, color) for pose, color in zip(leaning_chain(rng), colors, strict=True)
+    ]
+    link_beads(world, beads)
+    let_sleep(world, beads)
+    for _ in range(round(_FALL / world.dt)):
+        world.step()
+    if not _inside(world, np.array([world.object_pose(bead).translation for bead in beads]), _ROPE_BORDER):
+        raise LayoutError("the rope fell too near to the workspace's edge")
+    return tuple(beads)
+
+
+def _inside(world: SimWorld, points: np.ndarray, border: float) -> bool:  # type: ignore[type-arg]
+    """Whether points (N, 3) lie within the workspace, `border` [m] from its edge."""
+    spec = world.config.workspace
+    low, high = (spec.x_min + border, spec.y_min + border), (spec.x_max - border, spec.y_max - border)
+    return bool(((points[:, :2] >= low) & (points[:, :2] <= high)).all())

@@ -1,0 +1,66 @@
+"""assembling-kits-seq: each shape into its own print, in the sentences' order (task specification, section 7.3)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from sim_bridge.objects.kit_shapes import KIT_SHAPES
+from sim_bridge.tasks.base import Split
+from sim_bridge.tasks.goal import FloatArray, Goal, PoseMetric
+from sim_bridge.tasks.kit_task import N_HOLES, Fit, KitTask, kit_shapes_of
+from sim_bridge.tasks.variants import Variant
+
+if TYPE_CHECKING:
+    from sim_bridge.world import SimWorld
+
+
+class AssemblingKitsSeq(KitTask):
+    """Five shapes of five colours, one goal each."""
+
+    def __init__(self, name: str, split: Split, variant: Variant) -> None:
+        super().__init__(name, split)
+        self.palette = variant.palette(split)
+        self.shapes = tuple(range(len(KIT_SHAPES))) if variant is Variant.FULL else kit_shapes_of(split)
+
+    @property
+    def max_steps(self) -> int:
+        """No mistake is allowed."""
+        return N_HOLES
+
+    def set_up(self, world: SimWorld, rng: np.random.Generator) -> Sequence[Goal]:
+        """See GoalTask."""
+        colors = [str(color) for color in rng.permutation(self.palette)[:N_HOLES]]
+        fits = self.spawn(world, rng, colors, self.shapes)
+        return [_goal(fits[i], fits) for i in rng.permutation(N_HOLES)]
+
+
+def _goal(fit: Fit, fits: Sequence[Fit]) -> Goal:
+    name = fit.thing.name
+    same = [other.hole_pose.translation[:2] for other in fits if other.index == fit.index and other is not fit]
+    return Goal(
+        f"put the {fit.thing.color} {name} in the {which_of(fit.hole_pose.translation[:2], same)}{name} hole",
+        (fit.thing,),
+        (fit.hole_pose,),
+        np.ones((1, 1), dtype=bool),
+        PoseMetric(),
+        max_reward=1.0 / N_HOLES,
+        symmetries=(fit.period,),
+        target_name=f"{name} hole",
+    )
+
+
+def which_of(at: FloatArray, others: Sequence[FloatArray]) -> str:
+    """Which of some equal prints is meant, with a space behind; nothing when there is only one.
+
+    at and each of others: x, y [m]; top is towards the robot, left towards -y.
+    """
+    if not others:
+        return ""
+    away = np.array(others) - at
+    dx, dy = away[:, 0], away[:, 1]
+    along_x = np.abs(dx) > np.abs(dy)
+    rules = {"top ": (dx > 0) & along_x, "bottom ": (dx < 0) & along_x, "left ": dy > 0, "right ": dy < 0}
+    return next((word for word, holds in rules.items() if holds.all()), "middle ")

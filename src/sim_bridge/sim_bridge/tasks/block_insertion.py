@@ -1,0 +1,45 @@
+"""block-insertion: an L-shaped block into the fixture of its shape (task specification, section 8)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from sim_bridge.objects.l_block import FIXTURE_HEIGHT, L_HEIGHT, l_block_shape, l_fixture_shape
+from sim_bridge.tasks.free_space import free_pose
+from sim_bridge.tasks.goal import Goal, PoseMetric
+from sim_bridge.tasks.goal_task import GoalTask
+
+if TYPE_CHECKING:
+    from sim_bridge.world import SimWorld
+
+
+class BlockInsertion(GoalTask):
+    """A red L block; the fixture, fixed, is what it fits into with 1 cm to spare."""
+
+    done_sentence = "done inserting the block."
+
+    def set_up(self, world: SimWorld, rng: np.random.Generator) -> Sequence[Goal]:
+        """See GoalTask."""
+        fixture = free_pose(world, l_fixture_shape(), rng, graspable=False)
+        world.add(l_fixture_shape(), fixture.as_pose(FIXTURE_HEIGHT / 2), fixed=True)
+        at = free_pose(world, l_block_shape(), rng).as_pose(L_HEIGHT / 2)
+        block = world.add(l_block_shape(), at, "red")
+        return (
+            Goal(
+                "put the L shape block in the L shape hole",
+                (block,),
+                (fixture.as_pose(L_HEIGHT / 2),),
+                np.ones((1, 1), dtype=bool),
+                PoseMetric(),
+                max_reward=1.0,
+                symmetries=(l_block_shape().symmetry,),
+            ),
+        )
+
+    @property
+    def max_steps(self) -> int:
+        """Two mistakes are allowed."""
+        return 3

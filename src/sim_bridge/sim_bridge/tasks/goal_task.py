@@ -1,0 +1,222 @@
+"""What all tasks of the benchmark share: goals one after another, their score, and the expert."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from abc import abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cliport_perception import PlanarPose
+from sim_bridge.errors import SimulationError
+from sim_bridge.objects import Pinch, SceneObject
+from sim_bridge.tasks.base import Choice, ExpertAction, Split, Task
+from sim_bridge.tasks.finger_room import FingerRoom
+from sim_bridge.tasks.goal import Goal
+from sim_bridge.tasks.pinching import gripper_at, pinches_of
+from sim_bridge.tasks.what_lies import thing_at
+
+if TYPE_CHECKING:
+    from sim_bridge.world import SimWorld
+
+_FINGERTIP = 0.004  # the tips are at least this far above what a thing lies on [m]
+
+
+@dataclass(frozen=True)
+class _Way:
+    """One way to hold and turn a thing: the fingers' ground that is taken, size of the turn, width, and poses."""
+
+    taken: float
+    size: float
+    width: float
+    turn: float
+    pick: PlanarPose
+    place: PlanarPose
+
+    @property
+    def cost(self) -> tuple[float, float, float]:
+        """Less is better, the first first."""
+        return self.taken, self.size, self.width
+
+    def is_quarter_of(self, other: _Way) -> bool:
+        """Whether this is the other with the gripper turned by a quarter."""
+        same_place = math.hypot(self.pick.x - other.pick.x, self.pick.y - other.pick.y) < 1e-6
+        return same_place and abs(abs(math.remainder(self.pick.yaw - other.pick.yaw, math.pi)) - math.pi / 2) < 1e-6
+
+
+class GoalTask(Task):
+    """A task is its scene and its goals: a subclass spawns and draws them in `set_up`.
+
+    Score, order of the goals and expert follow the task specification, sections 6.1 to 6.4 and 6.8.
+    """
+
+    done_sentence: str = "done."
+
+    def __init__(self, name: str, split: Split) -> None:
+        self.name = name
+        self.split = split
+        self._world: SimWorld | None = None
+        self._goals: tuple[Goal, ...] = ()
+        self._reached = 0
+
+    @abstractmethod
+    def set_up(self, world: SimWorld, rng: np.random.Generator) -> Sequence[Goal]:
+        """Spawn everything into the empty world and give the goals in their order.
+
+        Raises:
+            LayoutError: when something found no room.
+        """
+
+    def reset(self, world: SimWorld, rng: np.random.Generator) -> None:
+        """See Task."""
+        self._world = world
+        self._goals, self._reached = tuple(self.set_up(world, rng)), 0
+
+    @property
+    def world(self) -> SimWorld:
+        """Where the task is set up.
+
+        Raises:
+            SimulationError: before the first reset.
+        """
+        if self._world is None:
+            raise SimulationError("the task has no scene yet: call SimWorld.reset first")
+        return self._world
+
+    @property
+    def present_goal(self) -> Goal | None:
+        """What is to be reached now; None when all is."""
+        return self._goals[self._reached] if self._reached < len(self._goals) else None
+
+    @property
+    def goals(self) -> Sequence[Goal]:
+        """All goals in their order."""
+        return self._goals
+
+    @property
+    def goals_reached(self) -> int:
+        """See Task."""
+        return self._reached
+
+    @property
+    def instruction(self) -> str:
+        """See Task."""
+        goal = self.present_goal
+        return self.done_sentence if goal is None or self.done() else goal.sentence
+
+    @property
+    def objects(self) -> Sequence[SceneObject]:
+        """See Task."""
+        return self.world.objects
+
+    def score(self) -> float:
+        """Goals that were reached, and the present one's share."""
+        goal = self.present_goal
+        progress = sum(g.max_reward for g in self._goals[: self._reached])
+        return float(progress + (goal.max_reward * goal.value(self.world) if goal else 0.0))
+
+    def advance(self) -> None:
+        """A goal that was reached once is never looked at again."""
+        goal = self.present_goal
+        if goal is not None and goal.reached(self.world):
+            self._reached += 1
+
+    def expert_action(self) -> ExpertAction | None:
+        """The object farthest from where it belongs first; see also `expert_for`."""
+        goal = self.present_goal
+        return None if goal is None or self.done() else self.expert_for(goal)
+
+    def expert_for(self, goal: Goal) -> ExpertAction | None:
+        """What brings a goal of this scene nearer; None when all its objects lie right."""
+        for thing, target in self.moves_to_make(goal):
+            action = self.move(goal, thing, target)
+            if action is not None:
+                return action
+        return None
+
+    def moves_to_make(self, goal: Goal) -> list[tuple[SceneObject, PlanarPose]]:
+        """Objects that are to be moved and their nearest free target, the farthest first."""
+        world = self.world
+        matches = goal.matches.copy()
+        if not goal.replace:
+            matched = goal.matched(world)
+            for i, j in zip(*np.nonzero(matched), strict=True):
+                if matches[i, j]:
+                    matches[i, :], matches[:, j] = False, False
+        moves = []
+        for i, thing in enumerate(goal.objects):
+            allowed = np.flatnonzero(matches[i])
+            if len(allowed) == 0:
+                continue
+            at = world.object_pose(thing).translation
+            distances = [float(np.linalg.norm(goal.targets[j].translation - at)) for j in allowed]
+            nearest = int(np.argmin(distances))
+            moves.append((distances[nearest], i, PlanarPose.from_pose(goal.targets[allowed[nearest]])))
+        moves.sort(key=lambda move: (-move[0], move[1]))
+        return [(goal.objects[i], target) for distance, i, target in moves if distance > 0.0]
+
+    def move(self, goal: Goal, thing: SceneObject, target: PlanarPose) -> ExpertAction | None:
+        """The pick and place that puts a thing's frame at the target: of all ways to hold and turn it, the one
+        with the most room for the fingers, then the least turn. None when it cannot be held."""
+        world = self.world
+        pinches = self.pinches(thing)
+        if not pinches:
+            return None
+        here = world.planar_pose(thing)
+        bottom = float(world.object_pose(thing).apply(thing.mesh.vertices)[:, 2].min())
+        at_pick = FingerRoom(world, thing, bottom + _FINGERTIP)
+        at_place = FingerRoom(world, thing, self.place_level(goal, thing) + _FINGERTIP)
+        ways: list[_Way] = []
+        for pinch, turn in itertools.product(pinches, self._turns(goal, thing, here, target)):
+            pick = gripper_at(here, pinch)
+            place = gripper_at(PlanarPose(target.x, target.y, here.yaw + turn), pinch)
+            taken = at_pick.blocked(pick, pinch.width) + at_place.blocked(place, pinch.width)
+            ways.append(_Way(round(taken, 3), round(abs(turn), 6), round(pinch.width, 6), turn, pick, place))
+        best = min(ways, key=lambda way: way.cost)
+        quarter_too = any(way.cost == best.cost and way.is_quarter_of(best) for way in ways)
+        period = math.pi / 2 if quarter_too else math.pi
+        yaw = math.remainder(best.pick.yaw, period)
+        return ExpertAction(
+            PlanarPose(best.pick.x, best.pick.y, yaw),
+            PlanarPose(best.place.x, best.place.y, yaw + best.turn),
+            period,
+            goal.sentence,
+        )
+
+    def pinches(self, thing: SceneObject) -> list[Pinch]:
+        """How to hold a thing, relative to its planar pose; a task may know better."""
+        return pinches_of(self.world, thing)
+
+    def place_level(self, goal: Goal, thing: SceneObject) -> float:
+        """Height on which a thing will lie at its target [m]; a task may know better."""
+        return 0.0
+
+    def judge(self, pick: PlanarPose, place: PlanarPose) -> Choice:
+        """See Task."""
+        picked = thing_at(self.world, pick.x, pick.y, movable=True)
+        under = thing_at(self.world, place.x, place.y, movable=False)
+        goal = self.present_goal
+        if goal is None or picked is None or picked not in goal.objects:
+            return Choice(picked.described if picked else "", under.described if under else "", False, False)
+        here = self.world.planar_pose(picked)
+        turn = place.yaw - pick.yaw
+        c, s = math.cos(turn), math.sin(turn)
+        dx, dy = here.x - pick.x, here.y - pick.y
+        fits = goal.allows(picked, place.x + c * dx - s * dy, place.y + s * dx + c * dy)
+        open_moves = [thing for thing, _ in self.moves_to_make(goal)]
+        return Choice(picked.described, under.described if under else "", picked in open_moves, fits)
+
+    def _turns(self, goal: Goal, thing: SceneObject, here: PlanarPose, target: PlanarPose) -> list[float]:
+        """Every turn [rad] that brings a thing to its target's yaw, up to its symmetry."""
+        if not goal.turn:
+            return [0.0]
+        symmetry = thing.shape.symmetry
+        if symmetry == 0.0 or (goal.symmetries and goal.symmetries[goal.objects.index(thing)] == 0.0):
+            return [math.radians(angle) for angle in (0, 30, -30, 60, -60, 90)]
+        exact = math.remainder(target.yaw - here.yaw, math.tau)
+        count = round(math.tau / symmetry)
+        return [math.remainder(exact + k * symmetry, math.tau) for k in range(count)]

@@ -1,0 +1,87 @@
+"""What both assembling-kits tasks share: a kit with five prints, and a loose shape for each."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cliport_perception import PlanarPose, Pose
+from sim_bridge.objects import SceneObject
+from sim_bridge.objects.kit import HOLES_IN_KIT, KIT_SIZE, hole_poses, hole_shape, kit_slab
+from sim_bridge.objects.kit_shapes import KIT_SHAPES, SEEN_SHAPES, THICKNESS, UNSEEN_SHAPES, kit_shape
+from sim_bridge.tasks.base import Split
+from sim_bridge.tasks.free_space import BORDER, free_pose
+from sim_bridge.tasks.goal import Goal
+from sim_bridge.tasks.goal_task import GoalTask
+
+if TYPE_CHECKING:
+    from sim_bridge.world import SimWorld
+
+N_HOLES = len(HOLES_IN_KIT)
+
+
+def kit_shapes_of(split: Split) -> tuple[int, ...]:
+    """Which shapes a split uses: others in validation and test than in training."""
+    return SEEN_SHAPES if split is Split.TRAIN else UNSEEN_SHAPES
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """A loose shape, and the print of the kit that was made for it."""
+
+    index: int
+    thing: SceneObject
+    hole: SceneObject
+    hole_pose: Pose
+
+    @property
+    def period(self) -> float:
+        """Turned by this the metric takes the shape for the same [rad]."""
+        return KIT_SHAPES[self.index].period
+
+
+class KitTask(GoalTask):
+    """Spawns the kit and its shapes; a subclass draws colours and goals."""
+
+    done_sentence = "done assembling kit."
+
+    def place_level(self, goal: Goal, thing: SceneObject) -> float:
+        """See GoalTask: everything goes onto the slab."""
+        return KIT_SIZE[2]
+
+    def spawn(
+        self, world: SimWorld, rng: np.random.Generator, colors: Sequence[str], shapes: Sequence[int]
+    ) -> list[Fit]:
+        """A fixed kit, five prints of shapes drawn from `shapes`, repetitions allowed, and the loose ones in `colors`.
+
+        Raises:
+            LayoutError: when a shape found no room.
+        """
+        drawn = [int(index) for index in rng.choice(shapes, size=N_HOLES)]
+        slab = world.add(kit_slab(), _kit_pose(world, rng).as_pose(KIT_SIZE[2] / 2), fixed=True)
+        holes = []
+        for index, at in zip(drawn, hole_poses(world.object_pose(slab)), strict=True):
+            x, y, z = at.translation
+            pose = PlanarPose(x, y, float(rng.uniform(-math.pi, math.pi))).as_pose(z)
+            holes.append((world.add(hole_shape(index), pose, fixed=True), pose))
+        things = []
+        for index, color in zip(drawn, colors, strict=True):
+            shape = kit_shape(index)
+            things.append(world.add(shape, free_pose(world, shape, rng).as_pose(THICKNESS / 2), color))
+        return [Fit(i, thing, *hole) for i, thing, hole in zip(drawn, things, holes, strict=True)]
+
+
+def _kit_pose(world: SimWorld, rng: np.random.Generator) -> PlanarPose:
+    """Anywhere on the empty table where the slab fits as it is turned: the disc around it would leave it little."""
+    spec = world.config.workspace
+    yaw = float(rng.uniform(-math.pi, math.pi))
+    c, s = abs(math.cos(yaw)), abs(math.sin(yaw))
+    half_x = (c * KIT_SIZE[0] + s * KIT_SIZE[1]) / 2 + BORDER
+    half_y = (s * KIT_SIZE[0] + c * KIT_SIZE[1]) / 2 + BORDER
+    x = rng.uniform(spec.x_min + half_x, spec.x_max - half_x)
+    y = rng.uniform(spec.y_min + half_y, spec.y_max - half_y)
+    return PlanarPose(float(x), float(y), yaw)

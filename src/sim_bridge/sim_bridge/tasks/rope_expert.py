@@ -1,0 +1,63 @@
+"""Which bead of a rope to pinch, how, and where to drag it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from cliport_perception import PlanarPose, Primitive
+from sim_bridge.tasks.base import ExpertAction
+
+FloatArray = npt.NDArray[np.float64]
+
+_IN_PLACE = 0.01  # a bead nearer to its slot stays where it is [m]
+_OPENING = 0.03  # between the opened fingers [m]
+_FINGER = 0.0152  # thickness, along the closing direction [m]
+_FINGER_HALF_WIDTH = 0.0105  # [m]
+_BEAD_REACH = 0.008  # of a bead about its middle [m]
+_TILTS = tuple(math.radians(a) for a in (0, 15, -15, 30, -30, 45, -45))  # of the jaws against straight across
+
+
+def next_fold(beads: FloatArray, slots: FloatArray, sentence: str) -> ExpertAction | None:
+    """The bead farthest from its slot to that slot; beads and slots (20, 2) [m] in their order along the rope.
+
+    Slots count from the end that fits better. The jaws close across the rope, where the opened fingers meet the
+    fewest other beads. None when every bead lies right.
+    """
+    slots = min((slots, slots[::-1]), key=lambda s: float(np.linalg.norm(beads - s, axis=1).sum()))
+    distance = np.linalg.norm(beads - slots, axis=1)
+    along = math.atan2(*(slots[-1] - slots[0])[::-1])
+    ways = []
+    for i in np.argsort(-distance, kind="stable"):
+        if distance[i] < _IN_PLACE:
+            break
+        before, after = beads[max(i - 1, 0)], beads[min(i + 1, len(beads) - 1)]
+        tangent = math.atan2(*(after - before)[::-1])
+        for tilt in _TILTS:
+            ways.append((_met(beads, i, tangent + math.pi / 2 + tilt), len(ways), i, tangent, tilt))
+        if min(ways)[0] == 0:
+            break
+    if not ways:
+        return None
+    _, _, i, tangent, tilt = min(ways)
+    yaw = math.remainder(tangent + math.pi / 2 + tilt, math.pi)
+    turn = math.remainder(along - tangent, math.tau)
+    turn = max(-math.pi / 2, min(math.pi / 2, turn))
+    return ExpertAction(
+        PlanarPose(float(beads[i, 0]), float(beads[i, 1]), yaw),
+        PlanarPose(float(slots[i, 0]), float(slots[i, 1]), yaw + turn),
+        math.pi,
+        sentence,
+        Primitive.FOLD,
+    )
+
+
+def _met(beads: FloatArray, i: int, yaw: float) -> int:
+    """How many other beads lie under the opened fingers that close at bead i in direction `yaw` [rad]."""
+    offset = np.delete(beads, i, axis=0) - beads[i]
+    closing = np.abs(offset @ np.array([math.cos(yaw), math.sin(yaw)]))
+    across = np.abs(offset @ np.array([-math.sin(yaw), math.cos(yaw)]))
+    inner, outer = _OPENING / 2 - _BEAD_REACH, _OPENING / 2 + _FINGER + _BEAD_REACH
+    return int(((closing > inner) & (closing < outer) & (across < _FINGER_HALF_WIDTH + _BEAD_REACH)).sum())

@@ -1,0 +1,22 @@
+"""Seen, unseen and full variants: which colours a split may use (task specification, sections 0.1 and 2)."""
+
+from __future__ import annotations
+
+from enum import Enum
+
+from sim_bridge.colors import COLORS, SEEN_PALETTE, UNSEEN_PALETTE
+from sim_bridge.tasks.base import Split
+
+
+class Variant(Enum):
+    """seen: the same attributes everywhere; unseen: others in validation and test; full: all of them, for training."""
+
+    SEEN = "seen"
+    UNSEEN = "unseen"
+    FULL = "full"
+
+    def palette(self, split: Split) -> tuple[str, ...]:
+        """The colours of the things that count."""
+        if self is Variant.FULL:
+            return tuple(COLORS)
+        return UNSEEN_PALETTE if self is Variant.UNSEEN and split is not Split.TRAIN else SEEN_PALETTE
