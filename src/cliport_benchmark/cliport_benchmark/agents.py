@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from cliport_benchmark.errors import OptionError
-from cliport_perception import Heightmap, PlanarPose
+from cliport_perception import Heightmap, PlanarPose, Primitive
 from cliport_policy.errors import PolicyError
 from cliport_policy.policy import Policy, load_policy
 from sim_bridge.tasks import Task
@@ -20,6 +20,7 @@ class Decision:
 
     pick: PlanarPose
     place: PlanarPose
+    primitive: Primitive
     done_probability: float | None = None
 
 
@@ -36,11 +37,14 @@ class ExpertAgent:
     def decide(self, task: Task, observation: Heightmap, instruction: str) -> Decision | None:
         """See Agent."""
         action = task.expert_action()
-        return None if action is None else Decision(action.pick, action.place)
+        return None if action is None else Decision(action.pick, action.place, action.primitive)
 
 
 class PolicyAgent:
-    """Asks a trained policy, which gets the observation and the sentence and nothing else."""
+    """Asks a trained policy, which gets the observation and the sentence and nothing else.
+
+    The primitive is not its choice: it is the task's.
+    """
 
     def __init__(self, policy: Policy) -> None:
         self.policy = policy
@@ -48,7 +52,7 @@ class PolicyAgent:
     def decide(self, task: Task, observation: Heightmap, instruction: str) -> Decision | None:
         """See Agent."""
         action = self.policy.infer(observation, instruction)
-        return Decision(action.pick, action.place, action.done_probability)
+        return Decision(action.pick, action.place, task.primitive, action.done_probability)
 
 
 def load_agent(checkpoint: str) -> Agent:

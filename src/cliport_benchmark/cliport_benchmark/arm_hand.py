@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
 from cliport_benchmark.observer import Observer
 from cliport_benchmark.sim_arm import SimArmPort, SimGripperPort, SimMotion
-from cliport_perception import PlanarPose
+from cliport_perception import PlanarPose, Primitive
 from panda_executor.config import ExecutorConfig
 from panda_executor.model import PandaModel
 from panda_executor.request import Phase, PickPlaceRequest, PickPlaceResult
@@ -24,12 +25,15 @@ _REST = 0.1  # after an action, before the world is judged to be still [s]
 
 
 class ArmHand:
-    """The arm of one world. Deterministic: the same world and requests give the same motions."""
+    """The arm of one world. Deterministic: the same world and requests give the same motions.
 
-    def __init__(self, world: SimWorld, observer: Observer) -> None:
+    on_tick: called after every step of the world that the arm makes.
+    """
+
+    def __init__(self, world: SimWorld, observer: Observer, on_tick: Callable[[], None] | None = None) -> None:
         self._world = world
         self._observer = observer
-        self._motion = SimMotion(world)
+        self._motion = SimMotion(world, on_tick)
         config, model = _executor_config(), PandaModel()
         self._runner = PickPlaceRunner(
             model,
@@ -43,10 +47,16 @@ class ArmHand:
         """The world was reset: the arm is at home."""
         self._motion.reset()
 
-    def pick_and_place(self, pick: PlanarPose, place: PlanarPose, frame: RgbdFrame) -> PickPlaceResult:
+    def execute(
+        self,
+        pick: PlanarPose,
+        place: PlanarPose,
+        frame: RgbdFrame,
+        primitive: Primitive = Primitive.PICK_PLACE,
+    ) -> PickPlaceResult:
         """Do it, with the frame's cloud for grasp height and obstacles, and let the world settle."""
         result = self._runner.run(
-            PickPlaceRequest(pick, place),
+            PickPlaceRequest(pick, place, primitive),
             self._observer.cloud(frame),
             self._observer.workspace,
             _ignore,

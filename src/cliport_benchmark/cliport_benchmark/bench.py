@@ -51,10 +51,15 @@ def row(name: str, samples: list[float], unit: str) -> Row:
 
 
 def bench_camera_and_action() -> list[Row]:
-    """Rendering a frame, projecting it, and one action of the shipped policy with 36 rotations."""
+    """Rendering frames, projecting one, and one action of the shipped policy with 36 rotations.
+
+    render_*: one window of the image on one thread, as data is generated, of a scene that stays and of ever new looks.
+    """
+    from cliport_benchmark.observer import Observer
     from cliport_perception.heightmap_builder import HeightmapBuilder
     from cliport_policy import load_policy
-    from sim_bridge.camera import SimCamera
+    from sim_bridge.camera import CameraConfig, SimCamera
+    from sim_bridge.sensor_noise import NoiseConfig
     from sim_bridge.world import SimConfig, SimWorld
 
     world = SimWorld(SimConfig())
@@ -65,10 +70,20 @@ def bench_camera_and_action() -> list[Row]:
     builder = HeightmapBuilder(camera.intrinsics, camera.camera_in_base, world.config.workspace)
     heightmap = builder.build(frame.color, frame.depth)
     policy = load_policy("default")
+    perfect = SimCamera(CameraConfig(noise=NoiseConfig.none()))
+    still, changing = (Observer(world.config, n_threads=1, randomize=randomize) for randomize in (False, True))
+
+    def new_look() -> None:
+        changing.new_scene(rng)
+        changing.frame(world)
+
     rows = [
         timed("action_compact", lambda: policy.infer(heightmap, task.instruction), 30),
         timed("heightmap_960x540", lambda: builder.build(frame.color, frame.depth), 50),
         timed("render_960x540", lambda: camera.capture(world, rng), 30),
+        timed("render_960x540_no_noise", lambda: perfect.capture(world, rng), 30),
+        timed("render_window", lambda: still.frame(world), 30),
+        timed("render_window_new_look", new_look, 30),
     ]
     world.close()
     return rows
@@ -114,15 +129,14 @@ def bench_training() -> list[Row]:
     network = CompactNetwork(NetworkConfig()).to(memory_format=torch.channels_last)  # type: ignore[call-overload]
     pixels = torch.rand(size, 2, generator=generator) * torch.tensor([319.0, 159.0])
     batch = Batch(
-        torch.randn(size, 5, 320, 160, generator=generator), [""] * size,
+        torch.randn(size, 5, 320, 160, generator=generator), [TASK] * size,
         torch.zeros(size, dtype=torch.bool), pixels, torch.zeros(size), torch.full((size,), np.pi / 2),
         pixels.flip(0), torch.zeros(size),
     )  # fmt: skip
-    tokens, mask = torch.randn(size, 16, 384, generator=generator), torch.ones(size, 16, dtype=torch.bool)
 
     def step() -> None:
         with torch.autocast("cpu", torch.bfloat16):
-            losses = compute_losses(network, batch, tokens, mask, config, generator)
+            losses = compute_losses(network, batch, config, generator)
         losses.total().backward()
 
     batches = timed("train_sample_compact", step, 8, warmup=2)
@@ -152,12 +166,26 @@ def bench_first_motion(n: int = 5) -> list[Row]:
     return [row("first_motion", samples, "s")]
 
 
+def bench_generation() -> list[Row]:
+    """Episodes a minute of the fast generator, and how many times the public implementation's that is."""
+    from cliport_benchmark.bench_generation import PUBLIC_SECONDS, episodes_a_minute
+
+    rows = []
+    for task, seconds in PUBLIC_SECONDS.items():
+        rates = episodes_a_minute(task)
+        rows.append(row(f"generate_fast_{task}", rates, "/min"))
+        rows.append(row(f"generate_fast_{task}_ratio", [rate * seconds / 60.0 for rate in rates], "x"))
+    return rows
+
+
 BENCHES: dict[str, Callable[[], list[Row]]] = {
     "camera_and_action": bench_camera_and_action,
     "planning": bench_planning,
     "training": bench_training,
     "first_motion": bench_first_motion,
+    "generation": bench_generation,
 }
+ON_REQUEST = ("generation",)  # minutes each: not part of `make bench`
 
 
 def versions() -> dict[str, str]:
@@ -167,18 +195,18 @@ def versions() -> dict[str, str]:
 
 def main(argv: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="bench", description="Time the pieces on this machine.")
-    parser.add_argument("--only", choices=sorted(BENCHES), help="one group instead of all")
+    parser.add_argument("--group", choices=sorted(BENCHES), help=f"one instead of all but {', '.join(ON_REQUEST)}")
     parser.add_argument("--out", default="out/bench.json")
     args = parser.parse_args(argv)
     rows: list[Row] = []
-    print(f"{'name':24}{'median':>10}{'min':>10}{'max':>10}  unit     n", flush=True)
+    print(f"{'name':56}{'median':>10}{'min':>10}{'max':>10}  unit     n", flush=True)
     try:
         for name, bench in BENCHES.items():
-            if args.only not in (None, name):
+            if name != args.group and (args.group or name in ON_REQUEST):
                 continue
             for r in bench():
                 rows.append(r)
-                print(f"{r.name:24}{r.median:10.2f}{r.min:10.2f}{r.max:10.2f}  {r.unit:4}{r.n:6}", flush=True)
+                print(f"{r.name:56}{r.median:10.2f}{r.min:10.2f}{r.max:10.2f}  {r.unit:4}{r.n:6}", flush=True)
     except BenchmarkError as error:
         print(f"error: {error}", file=sys.stderr)
         return 1

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from sim_bridge.objects import Kind
 from sim_bridge.tasks import PutBlocksInBowls
 
 _DRAWS = 400
@@ -16,8 +15,8 @@ def chance_score(task: PutBlocksInBowls, rng: np.random.Generator) -> float:
     Each step moves one of the blocks, wherever it lies, into one of the bowls; as in an evaluation, the
     episode ends early when the goal is reached.
     """
-    is_target = np.array([o.color == task.goal.block for o in task.objects if o.kind is Kind.BLOCK])
-    is_goal = np.array([o.color == task.goal.bowl for o in task.objects if o.kind is Kind.BOWL])
+    is_target = np.array([block.color == task.goal.block for block in task.blocks()])
+    is_goal = np.array([bowl.color == task.goal.bowl for bowl in task.bowls()])
     inside = np.zeros((_DRAWS, len(is_target)), dtype=bool)
     for _ in range(task.max_steps):
         going = ~inside[:, is_target].all(axis=1)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -17,16 +16,15 @@ import pyarrow.parquet as pq
 from cliport_benchmark.errors import DataFolderError
 from cliport_perception import Heightmap, WorkspaceSpec
 
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
 HEIGHT_UNIT = 1e-4  # of a step of height_png, which counts from the workspace's z_min [m]
 META_NAME = "meta.json"
 
 DEMO_TYPE = pa.struct(
     [
         ("instruction", pa.string()),
-        ("block", pa.string()),
-        ("bowl", pa.string()),
         ("done", pa.bool_()),
+        ("primitive", pa.string()),
         ("pick_row", pa.int32()),
         ("pick_col", pa.int32()),
         ("pick_yaw", pa.float32()),
@@ -38,8 +36,10 @@ DEMO_TYPE = pa.struct(
 )
 SCHEMA = pa.schema(
     [
-        ("episode", pa.int64()),
+        ("task", pa.string()),
+        ("split", pa.string()),
         ("seed", pa.int64()),
+        ("episode", pa.int64()),
         ("step", pa.int32()),
         ("color_png", pa.binary()),
         ("height_png", pa.binary()),
@@ -51,12 +51,14 @@ SCHEMA = pa.schema(
 
 @dataclass(frozen=True)
 class Demo:
-    """What an expert does in one observation for one goal; yaws in rad, pixels -1 when `done`."""
+    """What an expert does in one observation for one goal; yaws in rad, pixels -1 when `done`.
+
+    primitive: pick_place, sweep or fold.
+    """
 
     instruction: str
-    block: str
-    bowl: str
     done: bool
+    primitive: str
     pick_row: int = -1
     pick_col: int = -1
     pick_yaw: float = 0.0
@@ -70,8 +72,10 @@ class Demo:
 class Row:
     """One observation; demos[0] is the episode's own goal."""
 
-    episode: int
+    task: str
+    split: str
     seed: int
+    episode: int
     step: int
     heightmap: Heightmap
     demos: tuple[Demo, ...]
@@ -87,7 +91,8 @@ def write_part(path: Path, rows: list[Row]) -> None:
     columns: dict[str, list[Any]] = {name: [] for name in SCHEMA.names}
     for row in rows:
         color, height, valid = encode_heightmap(row.heightmap)
-        values = (row.episode, row.seed, row.step, color, height, valid, [asdict(d) for d in row.demos])
+        which = (row.task, row.split, row.seed, row.episode, row.step)
+        values = (*which, color, height, valid, [asdict(d) for d in row.demos])
         for name, value in zip(SCHEMA.names, values, strict=True):
             columns[name].append(value)
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
@@ -113,8 +118,10 @@ def read_part(path: Path, workspace: WorkspaceSpec) -> list[Row]:
         raise DataFolderError(f"cannot read {path}: {reason}; generate it again") from error
     return [
         Row(
-            r["episode"],
+            r["task"],
+            r["split"],
             r["seed"],
+            r["episode"],
             r["step"],
             decode_heightmap(r["color_png"], r["height_png"], r["valid_png"], workspace),
             tuple(Demo(**d) for d in r["demos"]),
@@ -142,36 +149,6 @@ def decode_heightmap(color: bytes, height: bytes, valid: bytes, workspace: Works
     metres = _image(height, cv2.IMREAD_UNCHANGED).astype(np.float32) * np.float32(HEIGHT_UNIT)
     metres = np.where(mask, metres + np.float32(workspace.z_min), np.float32(0.0)).astype(np.float32)
     return Heightmap(rgb.astype(np.uint8), metres, mask, workspace)
-
-
-def write_json(path: Path, value: dict[str, Any]) -> None:
-    """Write JSON under a temporary name, then move it into place.
-
-    Raises:
-        DataFolderError: when the place cannot be written.
-    """
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        temporary.write_text(json.dumps(value, indent=2) + "\n")
-        temporary.replace(path)
-    except OSError as error:
-        raise DataFolderError(f"cannot write {path}: {error.strerror or error}") from error
-
-
-def read_json(path: Path) -> dict[str, Any]:
-    """A JSON object.
-
-    Raises:
-        DataFolderError: when the file is absent or no JSON object.
-    """
-    try:
-        value = json.loads(path.read_text())
-    except (OSError, ValueError) as error:
-        raise DataFolderError(f"cannot read {path}: {error}") from error
-    if not isinstance(value, dict):
-        raise DataFolderError(f"{path} holds no JSON object")
-    return value
 
 
 def _png(image: npt.NDArray[Any], options: list[int]) -> bytes:

@@ -6,16 +6,19 @@ import argparse
 import os
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
-from cliport_benchmark.agents import EXPERT
-from cliport_benchmark.dataset_format import write_json
 from cliport_benchmark.episode import Episode
-from cliport_benchmark.errors import BenchmarkError, OptionError
-from cliport_benchmark.evaluate import EvaluateConfig, evaluate, summary
+from cliport_benchmark.errors import BenchmarkError, DataFolderError, OptionError
+from cliport_benchmark.evaluate import EvaluateConfig, evaluate
+from cliport_benchmark.journal import Journal, Outcome
+from cliport_benchmark.json_files import differences, read_json, write_json
 from cliport_benchmark.provenance import command_line, commit, machine
+from cliport_benchmark.summary import summary
+from cliport_benchmark.task_names import task_names
 from cliport_benchmark.wording import Wording, load_patterns, load_synonyms
-from cliport_policy.checkpoint import resolve_checkpoint
 from cliport_policy.errors import PolicyError
 from sim_bridge.errors import SimBridgeError
 
@@ -24,54 +27,61 @@ def main(arguments: list[str] | None = None) -> int:
     """Entry point; 0 when results were written, 1 on an error, 2 on a wrong command line."""
     argv = sys.argv[1:] if arguments is None else arguments
     options = _parser().parse_args(argv)
-    start = time.monotonic()
     try:
-        config = _config(options)
-        _check_writable(options.out)
-        episodes = evaluate(config, options.processes, _Progress(config.episodes).report)
-        result = summary(config, episodes)
-        result |= {
-            "wall_s": round(time.monotonic() - start, 1),
-            "command": command_line("evaluate", argv),
-            "commit": commit(),
-            "machine": machine(),
-        }
-        write_json(options.out, result)
+        for config, journal in _prepared(options):
+            _evaluate(config, journal, options.processes, command_line("evaluate", argv))
     except (BenchmarkError, SimBridgeError, PolicyError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 1
     except KeyboardInterrupt:
-        print("error: interrupted; nothing was written", file=sys.stderr)
+        print("error: interrupted; the same command continues where this one stopped", file=sys.stderr)
         return 130
-    print(
-        f"mean_score {result['mean_score']} (chance {result['chance']}), {result['n_episodes']} episodes of "
-        f"{config.task} {config.split}, {result['discarded']} discarded, {result['wall_s']} s; {options.out}"
-    )
     return 0
 
 
-def _config(options: argparse.Namespace) -> EvaluateConfig:
+def _prepared(options: argparse.Namespace) -> list[tuple[EvaluateConfig, Journal]]:
+    """Every evaluation that is asked for and not complete yet; better refused now than after an hour."""
     if options.processes < 1:
         raise OptionError(f"--processes must be 1 or more, got {options.processes}")
-    wording = Wording(
+    names = task_names(options.task)
+    several = len(names) > 1
+    first = EvaluateConfig(
+        options.checkpoint, names[0], options.split, options.first_seed, options.episodes, _wording(options)
+    )
+    work, source = [], commit()
+    for config in [replace(first, task=name) for name in names]:
+        out = options.out / f"{config.task}.json" if several else options.out
+        settings = config.settings() | {"commit": source}
+        _check_writable(out)
+        journal = Journal(out, settings)
+        if several and out.exists() and _is_complete(out, config, settings):
+            print(f"{config.task}: {out} is kept")
+        else:
+            work.append((config, journal))
+    return work
+
+
+def _wording(options: argparse.Namespace) -> Wording:
+    return Wording(
         load_patterns(options.phrasings) if options.phrasings else (),
         load_synonyms(options.synonyms) if options.synonyms else {},
     )
-    config = EvaluateConfig(
-        options.checkpoint,
-        options.task,
-        options.split,
-        options.first_seed,
-        options.episodes,
-        wording,
-    )
-    if config.checkpoint != EXPERT:
-        resolve_checkpoint(config.checkpoint)
-    return config
+
+
+def _is_complete(out: Path, config: EvaluateConfig, settings: dict[str, Any]) -> bool:
+    """Whether the results in a folder's file are those that are asked for.
+
+    Raises:
+        DataFolderError: when they are of another evaluation.
+    """
+    found = read_json(out)
+    differing = differences({name: found.get(name) for name in settings}, settings)
+    if differing:
+        raise DataFolderError(f"{out} holds results of other settings ({differing}); choose another --out")
+    return bool(found["n_episodes"] + found["discarded"] == config.episodes)
 
 
 def _check_writable(path: Path) -> None:
-    """Better now than after an hour."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -82,38 +92,63 @@ def _check_writable(path: Path) -> None:
         raise OptionError(f"cannot write --out {path}: permission denied")
 
 
+def _evaluate(config: EvaluateConfig, journal: Journal, processes: int, command: str) -> None:
+    """Run what is missing and write the results."""
+    start = time.monotonic()
+    progress = _Progress(config, journal)
+    outcomes = evaluate(config, processes, journal, progress.report)
+    result = summary(journal.settings, outcomes)
+    result |= {"wall_s": round(time.monotonic() - start, 1), "command": command, "machine": machine()}
+    write_json(journal.out, result)
+    journal.remove()
+    chance = "" if result["chance"] is None else f" (chance {result['chance']})"
+    print(
+        f"mean_score {result['mean_score']}{chance}, {result['n_episodes']} episodes of {config.task} {config.split}, "
+        f"{result['discarded']} discarded, {result['wall_s']} s; {journal.out}"
+    )
+
+
 class _Progress:
     """Prints a line an episode with the mean so far and the time left."""
 
-    def __init__(self, total: int) -> None:
-        self._total = total
-        self._done = 0
-        self._scores: list[float] = []
+    def __init__(self, config: EvaluateConfig, journal: Journal) -> None:
+        kept = [outcome for seed, outcome in journal.outcomes.items() if seed in config.seeds]
+        self._total, self._done, self._new = config.episodes, len(kept), 0
+        self._scores = [outcome.score for outcome in kept if isinstance(outcome, Episode)]
         self._start = time.monotonic()
+        if kept:
+            print(f"continuing {config.task}: {self._done} of {self._total} episodes are there", flush=True)
 
-    def report(self, seed: int, episode: Episode | None) -> None:
+    def report(self, outcome: Outcome) -> None:
         self._done += 1
-        what = "discarded"
-        if episode is not None:
-            self._scores.append(episode.score)
-            what = f"score {episode.score:.2f} in {episode.steps} steps"
-            failures = [s for s in episode.actions if s.outcome != "SUCCEEDED"]
+        self._new += 1
+        if isinstance(outcome, Episode):
+            self._scores.append(outcome.score)
+            what = f"score {outcome.score:.2f} in {outcome.steps} steps"
+            failures = [s for s in outcome.actions if s.outcome != "SUCCEEDED"]
             what += "".join(f", {s.outcome}: {s.message}" for s in failures)
-            what += f", {episode.error}" if episode.error else ""
+            what += f", {outcome.error}" if outcome.error else ""
+        else:
+            what = f"discarded, {outcome.reason}"
         mean = 100.0 * sum(self._scores) / max(1, len(self._scores))
-        eta = (self._total - self._done) * (time.monotonic() - self._start) / self._done
+        eta = (self._total - self._done) * (time.monotonic() - self._start) / self._new
         count = f"[{self._done}/{self._total}]"
-        print(f"{count} seed {seed}: {what}; mean {mean:.1f}, ETA {eta / 60:.1f} min", flush=True)
+        print(f"{count} seed {outcome.seed}: {what}; mean {mean:.1f}, ETA {eta / 60:.1f} min", flush=True)
 
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="evaluate", description="Score a policy or the expert.")
     parser.add_argument("--checkpoint", required=True, help="path, name of a shipped one, default, or expert")
-    parser.add_argument("--task", required=True, help="full name, such as put-blocks-in-bowls-seen-colors")
+    parser.add_argument(
+        "--task",
+        required=True,
+        help="full name, such as put-blocks-in-bowls-seen-colors, several with commas between, "
+        "all for the 18 language splits, or demo for the 10 others",
+    )
     parser.add_argument("--split", default="test", help="train, val or test")
     parser.add_argument("--first-seed", type=int, default=0, help="seed of the first episode")
     parser.add_argument("--episodes", type=int, default=100)
-    parser.add_argument("--out", type=Path, required=True, help="JSON file of the results")
+    parser.add_argument("--out", type=Path, required=True, help="JSON file of the results; a folder for several tasks")
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--phrasings", type=Path, help="file of sentence patterns with {block} and {bowl}, one a line")
     parser.add_argument("--synonyms", type=Path, help="file of lines 'colour = word' to say instead")

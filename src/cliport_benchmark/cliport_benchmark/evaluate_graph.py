@@ -9,10 +9,10 @@ from pathlib import Path
 from statistics import mean
 from typing import Any
 
-from cliport_benchmark.dataset_format import write_json
 from cliport_benchmark.errors import BenchmarkError
 from cliport_benchmark.graph_client import GraphClient
 from cliport_benchmark.graph_process import GraphProcess
+from cliport_benchmark.json_files import write_json
 from cliport_benchmark.provenance import command_line, commit, machine
 
 READY_TIMEOUT = 120.0
@@ -33,6 +33,7 @@ def main(arguments: list[str] | None = None) -> int:
         "task": options.task,
         "split": options.split,
         "checkpoint": options.checkpoint,
+        "graph": True,
         "first_seed": options.first_seed,
         "n_episodes": len(episodes),
         "command": command_line("evaluate_graph", argv),

@@ -15,31 +15,30 @@ import cv2
 from cliport_benchmark.arm_hand import ArmHand
 from cliport_benchmark.dataset_format import (
     FORMAT_VERSION,
+    HEIGHT_UNIT,
     META_NAME,
     Row,
     part_path,
-    read_json,
-    write_json,
     write_part,
 )
 from cliport_benchmark.episode_recorder import record_episode
 from cliport_benchmark.errors import DataFolderError, OptionError
+from cliport_benchmark.json_files import differences, read_json, write_json
 from cliport_benchmark.kinematic_hand import KinematicHand
 from cliport_benchmark.observer import Observer
 from cliport_benchmark.parallel import run_parallel
 from sim_bridge.camera import CameraConfig
-from sim_bridge.errors import LayoutError
+from sim_bridge.errors import LayoutError, PhysicsError
 from sim_bridge.tasks import PutBlocksInBowls, make_task
 from sim_bridge.world import SimConfig, SimWorld, scene_rng
 
-EPISODES_PER_PART = 50
-_NOISE_STREAM, _HAND_STREAM, _GOAL_STREAM = 1, 2, 3  # of scene_rng
+_NOISE, _HAND, _GOAL = 1, 2, 3  # streams of scene_rng
 
 
 class Mode(Enum):
     """How the expert's actions are carried out."""
 
-    FAST = "fast"  # blocks are set into bowls, physics settles
+    FAST = "fast"  # things are set where they belong, physics settles
     PHYSICS = "physics"  # the arm does it
 
 
@@ -48,7 +47,7 @@ class GenerateConfig:
     """What to make; the same values make the same bytes.
 
     Raises:
-        OptionError: on numbers that make no data set.
+        OptionError: on numbers that make no data set, or several goals for a task whose scenes have one.
         UnknownNameError: on an unknown task or split.
     """
 
@@ -59,9 +58,12 @@ class GenerateConfig:
     goals_per_scene: int = 1
     mode: Mode = Mode.FAST
     randomize: bool = False
+    episodes_per_part: int = 50
 
     def __post_init__(self) -> None:
-        make_task(self.task, self.split)
+        task = make_task(self.task, self.split)
+        if self.goals_per_scene > 1 and not isinstance(task, PutBlocksInBowls):
+            raise OptionError(f"--goals-per-scene is for put-blocks-in-bowls; {task.name} has one goal a scene")
         for name, value, least in (
             ("--first-seed", self.first_seed, 0),
             ("--episodes", self.episodes, 1),
@@ -73,27 +75,33 @@ class GenerateConfig:
     @property
     def n_parts(self) -> int:
         """How many files."""
-        return -(-self.episodes // EPISODES_PER_PART)
+        return -(-self.episodes // self.episodes_per_part)
 
     def episodes_of(self, part: int) -> range:
         """The episode numbers in a part."""
-        first = part * EPISODES_PER_PART
-        return range(first, min(first + EPISODES_PER_PART, self.episodes))
+        first = part * self.episodes_per_part
+        return range(first, min(first + self.episodes_per_part, self.episodes))
 
     def settings(self) -> dict[str, Any]:
-        """What a folder must agree in to be continued."""
+        """What a folder must agree in to be continued.
+
+        Raises:
+            ObjectFolderError: when the task's objects cannot be used.
+        """
         camera = CameraConfig()
         intrinsics = camera.intrinsics
         return {
             "version": FORMAT_VERSION,
             "task": self.task,
             "split": self.split,
+            "object_set": make_task(self.task, self.split).object_source,
             "first_seed": self.first_seed,
             "episodes": self.episodes,
-            "episodes_per_part": EPISODES_PER_PART,
+            "episodes_per_part": self.episodes_per_part,
             "goals_per_scene": self.goals_per_scene,
             "mode": self.mode.value,
             "randomize": self.randomize,
+            "height_unit": HEIGHT_UNIT,
             "workspace": SimConfig().workspace.to_dict(),
             "camera": {
                 "width": intrinsics.width,
@@ -169,16 +177,14 @@ def _make_episode(
     seed = config.first_seed + episode
     try:
         task = world.reset(config.task, config.split, seed)
-    except LayoutError:
+        noise, hands, goals = (scene_rng(task.name, task.split, seed, s) for s in (_NOISE, _HAND, _GOAL))
+        observer.new_scene(noise)
+        if arm is not None:
+            arm.new_scene()
+        hand = arm or KinematicHand(world, hands)
+        return record_episode(world, task, observer, hand, goals, config.goals_per_scene, episode, seed)
+    except (LayoutError, PhysicsError):
         return None
-    if not isinstance(task, PutBlocksInBowls):
-        raise OptionError(f"task {config.task} has no data generation")
-    streams = [scene_rng(task.name, task.split, seed, s) for s in (_NOISE_STREAM, _HAND_STREAM, _GOAL_STREAM)]
-    observer.new_scene(streams[0])
-    if arm is not None:
-        arm.new_scene()
-    hand = arm or KinematicHand(world, streams[1])
-    return record_episode(world, task, observer, hand.pick_and_place, streams[2], config.goals_per_scene, episode, seed)
 
 
 def _open_folder(config: GenerateConfig, folder: Path, provenance: dict[str, Any]) -> None:
@@ -186,18 +192,12 @@ def _open_folder(config: GenerateConfig, folder: Path, provenance: dict[str, Any
     meta = folder / META_NAME
     if meta.exists():
         found, wanted = read_json(meta), config.settings()
-        differing = [key for key, value in wanted.items() if found.get(key) != value]
+        differing = differences({name: found.get(name) for name in wanted}, wanted)
         if differing:
-            what = ", ".join(f"{k} {_short(found.get(k))} not {_short(wanted[k])}" for k in differing)
-            raise DataFolderError(f"{folder} holds data of other settings ({what}); choose another --out")
+            raise DataFolderError(f"{folder} holds data of other settings ({differing}); choose another --out")
         for leftover in folder.glob(".part-*.tmp"):
             leftover.unlink(missing_ok=True)
         return
     if folder.is_dir() and any(folder.iterdir()):
         raise DataFolderError(f"{folder} is not empty and has no {META_NAME}; choose another --out")
     write_json(meta, config.settings() | provenance)
-
-
-def _short(value: object) -> str:
-    text = str(value)
-    return text if len(text) <= 40 else text[:37] + "..."

@@ -11,6 +11,7 @@ from cliport_benchmark.errors import BenchmarkError, OptionError
 from cliport_benchmark.generate import GenerateConfig, Mode, PartReport, generate
 from cliport_benchmark.provenance import command_line, commit
 from sim_bridge.errors import SimBridgeError
+from sim_bridge.tasks import ALIASES
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -21,7 +22,7 @@ def main(arguments: list[str] | None = None) -> int:
         if options.processes < 1:
             raise OptionError(f"--processes must be 1 or more, got {options.processes}")
         config = GenerateConfig(
-            options.task,
+            ALIASES.get(options.task, options.task),
             options.split,
             options.first_seed,
             options.episodes,

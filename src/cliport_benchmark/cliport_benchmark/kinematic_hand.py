@@ -1,4 +1,4 @@
-"""Carries out a pick and place without the arm, for fast data generation: the block is set into the bowl."""
+"""Carries out actions without the arm, for fast data generation: things are set where they belong and settle."""
 
 from __future__ import annotations
 
@@ -6,15 +6,16 @@ import math
 
 import numpy as np
 
-from cliport_perception import PlanarPose, Pose
+from cliport_benchmark.kinematic_drag import fold, sweep
+from cliport_benchmark.setting_down import set_down
+from cliport_perception import PlanarPose, Pose, Primitive
 from sim_bridge.camera import RgbdFrame
-from sim_bridge.objects import BLOCK_SIZE, BOWL_FLOOR, Kind
+from sim_bridge.tasks.what_lies import thing_at
 from sim_bridge.world import SimWorld
 
-PLACE_SIGMA = 0.004  # spread of where a block lands, per axis [m]
-YAW_SIGMA = math.radians(3.0)
-_REACH = 0.03  # a pick farther from every block's centre takes nothing [m]
-_DROP = 0.002  # released this high above the bowl's floor [m]
+# as the arm's own placements of blocks, boxes and kit shapes scatter in full physics
+PLACE_SIGMA = 0.001  # of where a thing lands, per axis [m]
+YAW_SIGMA = math.radians(0.5)
 
 
 class KinematicHand:
@@ -24,21 +25,28 @@ class KinematicHand:
         self._world = world
         self._rng = rng
 
-    def pick_and_place(self, pick: PlanarPose, place: PlanarPose, frame: RgbdFrame) -> bool:
-        """Move the block at `pick` to `place` and let the world settle; whether a block was there."""
+    def execute(
+        self,
+        pick: PlanarPose,
+        place: PlanarPose,
+        frame: RgbdFrame,
+        primitive: Primitive = Primitive.PICK_PLACE,
+    ) -> None:
+        """Move what lies at `pick` as the gripper would from there to `place`, and let the world settle."""
+        if primitive is Primitive.SWEEP:
+            sweep(self._world, pick, place)
+        elif primitive is Primitive.FOLD:
+            fold(self._world, pick, place)
+        else:
+            self._pick_and_place(pick, place)
+            self._world.settle()
+
+    def _pick_and_place(self, pick: PlanarPose, place: PlanarPose) -> None:
         shift = self._rng.normal(0.0, PLACE_SIGMA, 2)
         turn = float(self._rng.normal(0.0, YAW_SIGMA)) + place.yaw - pick.yaw
-        blocks = [o for o in self._world.objects if o.kind is Kind.BLOCK]
-        if not blocks:
-            return False
-        at = np.array([pick.x, pick.y])
-        distances = [float(np.linalg.norm(self._world.object_xy(b) - at)) for b in blocks]
-        nearest = int(np.argmin(distances))
-        if distances[nearest] > _REACH:
-            return False
-        yaw = self._world.object_yaw(blocks[nearest]) + turn
-        height = BOWL_FLOOR + BLOCK_SIZE / 2 + _DROP
-        pose = Pose.from_xyz_rpy((place.x + shift[0], place.y + shift[1], height), (0.0, 0.0, yaw))
-        self._world.move_object(blocks[nearest], pose)
-        self._world.settle()
-        return True
+        thing = thing_at(self._world, pick.x, pick.y, movable=True)
+        if thing is None:
+            return
+        here = self._world.object_pose(thing)
+        there = Pose.from_xyz_rpy((place.x + shift[0], place.y + shift[1], 0.0), (0.0, 0.0, turn))
+        set_down(self._world, thing, there @ Pose(np.eye(3), np.array([-pick.x, -pick.y, 0.0])) @ here)

@@ -54,9 +54,18 @@ def run_parallel(
 
 
 def _begin(set_up: Callable[[], None]) -> None:
-    """In each process: an interrupt is the parent's to handle."""
+    """In each process: an interrupt is the parent's to handle, and without the parent there is nothing to do."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
     set_up()
+
+
+def _end_with_parent() -> None:
+    """A parent that was killed could not end its processes."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
 
 
 @contextmanager

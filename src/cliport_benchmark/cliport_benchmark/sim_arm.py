@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import numpy.typing as npt
 
@@ -24,21 +26,34 @@ _GRIPPER_TIME = 5.0  # [s]
 
 
 class SimMotion:
-    """One world with its two controllers, stepped together as the simulator's node does."""
+    """One world with its two controllers, stepped together as the simulator's node does.
 
-    def __init__(self, world: SimWorld) -> None:
+    on_tick: called after every step, as by a film camera.
+    """
+
+    def __init__(self, world: SimWorld, on_tick: Callable[[], None] | None = None) -> None:
         self.world = world
+        self.on_tick = on_tick
         self.arm = JointTrajectoryController()
         self.gripper = GripperController()
+        self._ticks = 0
+
+    @property
+    def time(self) -> float:
+        """Controllers' time [s]: it begins with the scene, so that scenes before it cannot change how it rounds."""
+        return self._ticks * self.world.dt
 
     def tick(self) -> None:
         """One control cycle and one physics step."""
-        now, state = self.world.time, self.world.panda.state()
+        now, state = self.time, self.world.panda.state()
         joints = self.arm.update(now, state)
         fingers = self.gripper.update(now, state)
         self.world.panda.command(joints.positions, joints.velocities)
         self.world.panda.command_fingers(fingers.width, fingers.max_effort)
         self.world.step()
+        self._ticks += 1
+        if self.on_tick is not None:
+            self.on_tick()
 
     def rest(self, seconds: float) -> None:
         """Let the world go on while the arm holds."""
@@ -49,6 +64,7 @@ class SimMotion:
         """Forget motions: the world was reset."""
         self.arm.reset()
         self.gripper.reset()
+        self._ticks = 0
 
 
 class SimArmPort:
@@ -63,7 +79,7 @@ class SimArmPort:
 
     def execute(self, trajectory: JointTrajectory, should_stop: ShouldStop) -> MotionResult:
         """Follow the trajectory in simulated time."""
-        world, controller = self._motion.world, self._motion.arm
+        motion, controller = self._motion, self._motion.arm
         goal = TrajectoryGoal.from_arrays(
             trajectory.joint_names,
             trajectory.times,
@@ -73,17 +89,17 @@ class SimArmPort:
             goal_time_tolerance=_GOAL_TIME,
         )
         try:
-            execution = controller.start(goal, world.time)
+            execution = controller.start(goal, motion.time)
         except GoalRejectedError as error:
             return MotionResult(MotionStatus.REJECTED, str(error))
-        give_up = world.time + trajectory.duration + _OVERTIME
+        give_up = motion.time + trajectory.duration + _OVERTIME
         while not execution.done:
             if should_stop():
                 controller.cancel()
-            if world.time > give_up:
+            if motion.time > give_up:
                 controller.hold("took too long")
                 return MotionResult(MotionStatus.TIMED_OUT, f"not done {_OVERTIME} s after its end")
-            self._motion.tick()
+            motion.tick()
         return MotionResult(_MOTION_STATUS[execution.status], execution.error_string)
 
 
@@ -99,20 +115,20 @@ class SimGripperPort:
 
     def move(self, width: float, max_effort: float, should_stop: ShouldStop) -> GripperResult:
         """Open or close in simulated time."""
-        world, controller = self._motion.world, self._motion.gripper
+        motion, controller = self._motion, self._motion.gripper
         try:
-            execution = controller.start(GripperGoal(width / 2.0, max_effort), world.time)
+            execution = controller.start(GripperGoal(width / 2.0, max_effort), motion.time)
         except GripperGoalError as error:
             return GripperResult(self.width(), False, False, MotionStatus.REJECTED, str(error))
-        give_up = world.time + _GRIPPER_TIME
+        give_up = motion.time + _GRIPPER_TIME
         while not execution.done:
             if should_stop():
                 controller.cancel()
-            elif world.time > give_up:
+            elif motion.time > give_up:
                 controller.hold("took too long")
                 message = f"the hand did not arrive in {_GRIPPER_TIME} s"
                 return GripperResult(self.width(), False, False, MotionStatus.TIMED_OUT, message)
-            self._motion.tick()
+            motion.tick()
         result = execution.result
         stalled, reached = (False, False) if result is None else (result.stalled, result.reached_goal)
         return GripperResult(self.width(), stalled, reached, _MOTION_STATUS[execution.status], execution.message)

@@ -1,20 +1,34 @@
 """Data generation: what is written is what was seen, the same again, and continued where it stopped."""
 
+import math
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
+import cv2
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 
 from cliport_benchmark import generate as module
 from cliport_benchmark import generate_cli
-from cliport_benchmark.dataset_format import part_path, read_json, read_part
+from cliport_benchmark.dataset_format import Row, part_path, read_part
+from cliport_benchmark.episode_recorder import Hand, record_episode
 from cliport_benchmark.errors import DataFolderError, OptionError
-from cliport_benchmark.generate import GenerateConfig, PartReport, generate, make_part
-from cliport_perception import WorkspaceSpec
+from cliport_benchmark.generate import GenerateConfig, Mode, PartReport, generate, make_part
+from cliport_benchmark.json_files import read_json
+from cliport_benchmark.observer import Observer
+from cliport_perception import PlanarPose, Primitive, WorkspaceSpec
+from cliport_policy.demonstrations import load_demonstrations
+from sim_bridge.camera import RgbdFrame
 from sim_bridge.colors import COLORS, SEEN_PALETTE
+from sim_bridge.errors import PhysicsError
+from sim_bridge.tasks import TASKS, Split, Task
+from sim_bridge.tasks.what_lies import thing_at
+from sim_bridge.world import SimWorld, scene_rng
 
 TASK = "put-blocks-in-bowls-seen-colors"
+SEQUENCE = "stack-block-pyramid-seq-seen-colors"
 CONFIG = GenerateConfig(TASK, "train", 0, 2, goals_per_scene=4, randomize=True)
 
 
@@ -30,19 +44,22 @@ def test_rows_read_back_and_demos_lie_on_what_they_name(folder: Path) -> None:
     rows = read_part(part_path(folder, 0), workspace)
     assert {row.episode for row in rows} == {0, 1}
     for row in rows:
+        assert (row.task, row.split) == (TASK, "train")
         own = row.demos[0]
         last = row is rows[-1] or row.step > rows[rows.index(row) + 1].step
         assert own.done == last
-        assert own.instruction == f"put the {own.block} blocks in a {own.bowl} bowl"
-        assert len({(d.block, d.bowl) for d in row.demos}) == len(row.demos) <= 4
+        assert len({d.instruction for d in row.demos}) == len(row.demos) <= 4
         for demo in row.demos:
-            assert demo.block in SEEN_PALETTE and demo.bowl in SEEN_PALETTE
+            assert demo.primitive == "pick_place"
+            _, _, block, *_, bowl, _ = demo.instruction.split()
+            assert demo.instruction == f"put the {block} blocks in a {bowl} bowl"
+            assert block in SEEN_PALETTE and bowl in SEEN_PALETTE
             if demo.done:
                 assert demo.pick_row == demo.place_col == -1
                 continue
-            assert demo.pick_yaw_period == pytest.approx(np.pi / 2)
+            assert min(abs(demo.pick_yaw_period - period) for period in (np.pi / 2, np.pi)) < 1e-4
             color = row.heightmap.color[demo.pick_row - 1 : demo.pick_row + 2, demo.pick_col]
-            assert closest(color.mean(axis=0)) == demo.block
+            assert closest(color.mean(axis=0)) == block
             assert row.heightmap.height[demo.pick_row, demo.pick_col] == pytest.approx(0.04, abs=0.012)
             assert 0 < row.heightmap.height[demo.place_row, demo.place_col] < 0.03
 
@@ -58,9 +75,76 @@ def test_same_settings_make_the_same_bytes(folder: Path, tmp_path: Path) -> None
     assert part_path(tmp_path, 0).read_bytes() == part_path(folder, 0).read_bytes()
 
 
-def test_complete_parts_are_kept_and_other_settings_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "EPISODES_PER_PART", 1)
-    config = replace(CONFIG, episodes=2)
+def test_a_row_needs_no_code_of_this_project(folder: Path) -> None:
+    row = pq.read_table(part_path(folder, 0)).to_pylist()[0]
+    names = ["task", "split", "seed", "episode", "step", "color_png", "height_png", "valid_png", "demos"]
+    assert list(row) == names
+    color, height, valid = (
+        cv2.imdecode(np.frombuffer(row[name], np.uint8), cv2.IMREAD_UNCHANGED) for name in names[5:8]
+    )
+    assert color.shape == (320, 160, 3) and height.shape == valid.shape == (320, 160)
+    meta = CONFIG.settings()
+    metres = height * meta["height_unit"] + meta["workspace"]["z_min"]
+    demo = row["demos"][0]
+    assert height.dtype == np.uint16 and metres[demo["pick_row"], demo["pick_col"]] == pytest.approx(0.04, abs=0.012)
+
+
+def test_a_sequence_has_a_sentence_a_step_and_ends_under_its_last(tmp_path: Path) -> None:
+    config = GenerateConfig(SEQUENCE, "train", 0, 1)
+    module._open_folder(config, tmp_path, {})
+    report = make_part(config, tmp_path, 0)
+    rows = read_part(part_path(tmp_path, 0), WorkspaceSpec())
+    assert report.discarded == 0 and [row.step for row in rows] == list(range(len(rows))) and len(rows) >= 7
+    sentences = [row.demos[0].instruction for row in rows]
+    assert len(set(sentences)) == 6 and sentences[-1] == sentences[-2]
+    assert [row.demos[0].done for row in rows] == [False] * (len(rows) - 1) + [True]
+    frames = load_demonstrations(tmp_path).frames
+    assert [frame.demos[0].instruction for frame in frames] == sentences
+
+
+class Measuring:
+    """A hand that notes how far from its place each thing came to rest [m]."""
+
+    def __init__(self, world: SimWorld, hand: Hand) -> None:
+        self.world, self.hand, self.errors = world, hand, list[float]()
+
+    def execute(self, pick: PlanarPose, place: PlanarPose, frame: RgbdFrame, primitive: Primitive) -> object:
+        thing = thing_at(self.world, pick.x, pick.y, movable=True)
+        assert thing is not None
+        result = self.hand.execute(pick, place, frame, primitive)
+        self.errors.append(math.hypot(*(self.world.object_xy(thing) - (place.x, place.y))))
+        return result
+
+
+def test_both_modes_begin_alike_and_place_alike(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    hands: list[Measuring] = []
+
+    def record(world: SimWorld, task: Task, observer: Observer, hand: Hand, *rest: Any) -> list[Row] | None:
+        hands.append(Measuring(world, hand))
+        return record_episode(world, task, observer, hands[-1], *rest)
+
+    monkeypatch.setattr(module, "record_episode", record)
+    rows, errors = {}, {}
+    for mode in Mode:
+        hands.clear()
+        (tmp_path / mode.value).mkdir()
+        config = GenerateConfig(TASK, "val", 5022, 2, mode=mode)
+        assert make_part(config, tmp_path / mode.value, 0).discarded == 0  # every score is 1
+        rows[mode] = read_part(part_path(tmp_path / mode.value, 0), WorkspaceSpec())
+        errors[mode] = [error for hand in hands for error in hand.errors]
+    assert [(r.episode, r.step) for r in rows[Mode.FAST]] == [(r.episode, r.step) for r in rows[Mode.PHYSICS]]
+    for fast, physics in zip(rows[Mode.FAST], rows[Mode.PHYSICS], strict=True):
+        if fast.step == 0:
+            assert fast.demos == physics.demos
+            for name in ("color", "height", "valid"):
+                np.testing.assert_array_equal(getattr(fast.heightmap, name), getattr(physics.heightmap, name))
+    assert len(errors[Mode.FAST]) == len(errors[Mode.PHYSICS]) >= 4
+    assert max(*errors[Mode.FAST], *errors[Mode.PHYSICS]) < 0.008
+    assert abs(np.mean(errors[Mode.FAST]) - np.mean(errors[Mode.PHYSICS])) < 0.0015
+
+
+def test_complete_parts_are_kept_and_other_settings_refused(tmp_path: Path) -> None:
+    config = replace(CONFIG, episodes=2, episodes_per_part=1)
     reports: list[tuple[PartReport, int]] = []
     part_path(tmp_path / "set", 0).parent.mkdir()
     module._open_folder(config, tmp_path / "set", {"command": "test", "commit": "none"})
@@ -90,6 +174,27 @@ def test_command_line_makes_only_the_missing_part(
     assert "ETA" not in capsys.readouterr().out.split("complete", 1)[1]
 
 
+def test_an_episode_that_explodes_is_counted_and_left_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def explode(world: SimWorld) -> bool:
+        raise PhysicsError("the red block flew off")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(SimWorld, "settle", explode)
+        report = make_part(CONFIG, tmp_path, 0)
+    assert (report.episodes, report.observations, report.discarded) == (2, 0, 2)
+
+
+def test_splits_share_no_seed_in_any_task() -> None:
+    """A scene is drawn from (task, split, seed), so two splits cannot hold the same scene."""
+    draws = {
+        tuple(scene_rng(task, split, seed).integers(0, 2**63, size=2))
+        for task in TASKS
+        for split in Split
+        for seed in (0, 1, 2, 9999, 10001)
+    }
+    assert len(draws) == len(TASKS) * len(Split) * 5
+
+
 @pytest.mark.parametrize(
     ("extra", "message"),
     [
@@ -99,6 +204,7 @@ def test_command_line_makes_only_the_missing_part(
         (["--first-seed", "-3"], "--first-seed must be 0 or more, got -3"),
         (["--processes", "0"], "--processes must be 1 or more"),
         (["--goals-per-scene", "0"], "--goals-per-scene must be 1 or more"),
+        (["--goals-per-scene", "2", "--task", SEQUENCE], "--goals-per-scene is for put-blocks-in-bowls"),
         (["--out", "/proc/none"], "cannot write /proc/none"),
     ],
 )

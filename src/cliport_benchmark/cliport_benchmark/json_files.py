@@ -1,0 +1,58 @@
+"""JSON files: written whole or not at all, read with one clear line when they cannot be, and compared."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+from cliport_benchmark.errors import DataFolderError
+
+
+def write_json(path: Path, value: dict[str, Any]) -> None:
+    """Write JSON under a temporary name, then move it into place.
+
+    Raises:
+        DataFolderError: when the place cannot be written.
+    """
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        temporary.write_text(json.dumps(value, indent=2) + "\n")
+        temporary.replace(path)
+    except OSError as error:
+        raise DataFolderError(f"cannot write {path}: {error.strerror or error}") from error
+
+
+def read_json(path: Path) -> dict[str, Any]:
+    """A JSON object.
+
+    Raises:
+        DataFolderError: when the file is absent or no JSON object.
+    """
+    try:
+        value = json.loads(path.read_text())
+    except (OSError, ValueError) as error:
+        raise DataFolderError(f"cannot read {path}: {error}") from error
+    if not isinstance(value, dict):
+        raise DataFolderError(f"{path} holds no JSON object")
+    return value
+
+
+def as_json(values: dict[str, Any]) -> dict[str, Any]:
+    """Values as they are after a way through a file."""
+    result: dict[str, Any] = json.loads(json.dumps(values))
+    return result
+
+
+def differences(found: dict[str, Any], wanted: dict[str, Any]) -> str:
+    """What differs between two sets of settings, for people; "" when nothing does."""
+    wanted = as_json(wanted)
+    names = [name for name in {**wanted, **found} if found.get(name) != wanted.get(name)]
+    return ", ".join(f"{name} {_short(found.get(name))} not {_short(wanted.get(name))}" for name in names)
+
+
+def _short(value: object) -> str:
+    text = str(value)
+    return text if len(text) <= 40 else text[:37] + "..."

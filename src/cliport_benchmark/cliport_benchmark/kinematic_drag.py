@@ -1,0 +1,157 @@
+"""Sweeps and folds without the arm, for fast data generation: what the fingers would push or hold is moved through
+physics, faster than the arm does it and with fewer iterations of the solver."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import numpy as np
+
+from cliport_perception import PlanarPose, Pose
+from sim_bridge.bullet import pybullet
+from sim_bridge.objects import SceneObject
+from sim_bridge.objects.sleeping import put_to_sleep, wake
+from sim_bridge.tasks.what_lies import thing_at
+from sim_bridge.world import SimWorld
+
+# the closed fingers: along and across the motion, and a part of their height [m]
+_HAND = (0.018, 0.032, 0.06)
+_ABOVE_TABLE = 0.004  # their rounded tips [m]
+_HAND_MASS = 10.0  # nothing on the table holds it up [kg]
+_FINGER_FRICTION = 1.5
+_LIFT = 0.02  # of what is held, as in the executor's fold [m]
+_GRIP_FORCE = 50.0  # [N]
+_SPEED = 0.5  # [m/s]
+_ACCELERATION = 2.0  # less than the friction's, so that nothing slides on ahead [m/s^2]
+_SOLVER_ITERATIONS = 30
+
+
+def sweep(world: SimWorld, pick: PlanarPose, place: PlanarPose) -> None:
+    """The closed hand moves from pick to place, broadside to its motion, and is gone; then all comes to rest."""
+    way = np.array([place.x - pick.x, place.y - pick.y, 0.0])
+    length = float(np.linalg.norm(way))
+    if length < 1e-6:
+        return
+    yaw = math.atan2(way[1], way[0])
+    start = PlanarPose(pick.x, pick.y, yaw).as_pose(_ABOVE_TABLE + _HAND[2] / 2)
+    with _cheap_physics(world):
+        with _hand(world) as hand:
+            for gone, speed in _progress(length, world.dt):
+                at = Pose(start.rotation, start.translation + way * (gone / length))
+                _put(world, hand, at, way * (speed / length))
+                world.step()
+        _come_to_rest(world)
+
+
+def fold(world: SimWorld, pick: PlanarPose, place: PlanarPose) -> None:
+    """What lies at pick is lifted a little, moved to place while it turns as the jaws do, and let go."""
+    thing = thing_at(world, pick.x, pick.y, movable=True)
+    if thing is None:
+        return
+    held = world.object_pose(thing)
+    wake(world, [thing])
+    way = np.array([place.x - pick.x, place.y - pick.y, 0.0])
+    turn = math.remainder(place.yaw - pick.yaw, math.tau)
+    with _cheap_physics(world):
+        with _grip(world, thing, held) as grip:
+            for height, _ in _progress(_LIFT, world.dt):
+                _pull(world, grip, _moved(held, np.array([0.0, 0.0, height]), 0.0))
+                world.step()
+            length = max(float(np.linalg.norm(way)), 1e-6)
+            for gone, _ in _progress(length, world.dt):
+                share = gone / length
+                _pull(world, grip, _moved(held, way * share + (0.0, 0.0, _LIFT), turn * share))
+                world.step()
+        _come_to_rest(world)
+
+
+def _progress(length: float, dt: float) -> Iterator[tuple[float, float]]:
+    """Distance gone [m] and speed [m/s] step by step: from rest to rest with a bounded acceleration."""
+    top = min(_SPEED, math.sqrt(length * _ACCELERATION))
+    ramp, even = top / _ACCELERATION, length / top - top / _ACCELERATION
+    for t in np.arange(0.0, 2 * ramp + even, dt):
+        if t < ramp:
+            yield 0.5 * _ACCELERATION * t * t, _ACCELERATION * t
+        elif t < ramp + even:
+            yield top * (t - ramp / 2), top
+        else:
+            left = 2 * ramp + even - t
+            yield length - 0.5 * _ACCELERATION * left * left, _ACCELERATION * left
+    yield length, 0.0
+
+
+def _moved(pose: Pose, shift: np.ndarray, turn: float) -> Pose:  # type: ignore[type-arg]
+    about_z = Pose.from_xyz_rpy((0.0, 0.0, 0.0), (0.0, 0.0, turn)).rotation
+    return Pose(about_z @ pose.rotation, pose.translation + shift)
+
+
+@contextmanager
+def _hand(world: SimWorld) -> Iterator[int]:
+    """A block in place of the fingers."""
+    shape = pybullet.createCollisionShape(
+        pybullet.GEOM_BOX, halfExtents=[edge / 2 for edge in _HAND], physicsClientId=world.client
+    )
+    body = pybullet.createMultiBody(_HAND_MASS, shape, basePosition=[0.0, 0.0, 1.0], physicsClientId=world.client)
+    pybullet.changeDynamics(body, -1, lateralFriction=_FINGER_FRICTION, physicsClientId=world.client)
+    try:
+        yield body
+    finally:
+        pybullet.removeBody(body, physicsClientId=world.client)
+
+
+def _put(world: SimWorld, body: int, pose: Pose, velocity: np.ndarray) -> None:  # type: ignore[type-arg]
+    pybullet.resetBasePositionAndOrientation(
+        body, pose.translation.tolist(), pose.as_quaternion_xyzw().tolist(), physicsClientId=world.client
+    )
+    pybullet.resetBaseVelocity(body, velocity.tolist(), [0.0, 0.0, 0.0], physicsClientId=world.client)
+
+
+@contextmanager
+def _grip(world: SimWorld, thing: SceneObject, at: Pose) -> Iterator[int]:
+    """A constraint in place of the fingers: the thing stays where `_pull` says."""
+    grip = pybullet.createConstraint(
+        thing.body,
+        -1,
+        -1,
+        -1,
+        jointType=pybullet.JOINT_FIXED,
+        jointAxis=[0, 0, 0],
+        parentFramePosition=[0, 0, 0],
+        childFramePosition=at.translation.tolist(),
+        childFrameOrientation=at.as_quaternion_xyzw().tolist(),
+        physicsClientId=world.client,
+    )
+    try:
+        yield grip
+    finally:
+        pybullet.removeConstraint(grip, physicsClientId=world.client)
+
+
+def _pull(world: SimWorld, grip: int, pose: Pose) -> None:
+    pybullet.changeConstraint(
+        grip,
+        jointChildPivot=pose.translation.tolist(),
+        jointChildFrameOrientation=pose.as_quaternion_xyzw().tolist(),
+        maxForce=_GRIP_FORCE,
+        physicsClientId=world.client,
+    )
+
+
+def _come_to_rest(world: SimWorld) -> None:
+    """Then nothing costs anything until it is touched."""
+    if world.settle():
+        put_to_sleep(world, [thing for thing in world.objects if not thing.fixed])
+
+
+@contextmanager
+def _cheap_physics(world: SimWorld) -> Iterator[None]:
+    """Fewer iterations: where things end up differs no more than between two sweeps of the arm."""
+    pybullet.setPhysicsEngineParameter(numSolverIterations=_SOLVER_ITERATIONS, physicsClientId=world.client)
+    try:
+        yield
+    finally:
+        pybullet.setPhysicsEngineParameter(
+            numSolverIterations=world.config.solver_iterations, physicsClientId=world.client
+        )
