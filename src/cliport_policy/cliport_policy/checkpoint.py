@@ -13,8 +13,8 @@ from safetensors.torch import load_file, save_file
 from torch import Tensor
 
 from cliport_perception.workspace import WorkspaceSpec
-from cliport_policy.config import NetworkConfig
 from cliport_policy.errors import CheckpointError, ConfigError
+from cliport_policy.named_configs import AnyNetworkConfig, network_config_from_dict
 
 FORMAT_VERSION = 1
 SHIPPED_FOLDER = Path(__file__).parent / "weights"
@@ -26,15 +26,17 @@ ANCHORS = "instruction_anchors"  # the tensor of training sentences that new one
 class Card:
     """What a checkpoint is: its network, its workspace, the text encoder it expects and how it came about.
 
+    frozen: name and fingerprint of the frozen encoders that a network of streams was trained on.
     min_similarity: an instruction whose sentence vector is less similar than this to every anchor is refused.
     """
 
-    network: NetworkConfig
+    network: AnyNetworkConfig
     workspace: WorkspaceSpec
     encoder: str
     min_similarity: float
     made_by: dict[str, Any] = field(default_factory=dict)
     scores: dict[str, Any] = field(default_factory=dict)
+    frozen: str = ""
 
     def to_dict(self) -> dict[str, Any]:
         return {
@@ -45,17 +47,19 @@ class Card:
             "min_similarity": self.min_similarity,
             "made_by": self.made_by,
             "scores": self.scores,
+            "frozen": self.frozen,
         }
 
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> Card:
         return cls(
-            network=NetworkConfig.from_dict(values["network"]),
+            network=network_config_from_dict(values["network"]),
             workspace=WorkspaceSpec.from_dict(values["workspace"]),
             encoder=values["encoder"],
             min_similarity=float(values["min_similarity"]),
             made_by=dict(values.get("made_by", {})),
             scores=dict(values.get("scores", {})),
+            frozen=str(values.get("frozen", "")),
         )
 
 

@@ -6,6 +6,7 @@ from dataclasses import asdict, dataclass, fields
 from typing import Any
 
 from cliport_policy.errors import ConfigError
+from cliport_policy.settings import check_keys, check_types
 
 
 @dataclass(frozen=True)
@@ -27,6 +28,7 @@ class NetworkConfig:
     n_rotations: int = 36
 
     def __post_init__(self) -> None:
+        check_types(self, "network")
         if len(self.widths) < 2 or min(self.widths) < 1:
             raise ConfigError(f"widths must hold at least two positive channel counts, not {self.widths}")
         if self.n_rotations < 1 or self.query_cells % 2 == 0 or self.crop_pixels % 8:
@@ -40,10 +42,7 @@ class NetworkConfig:
 
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> NetworkConfig:
-        known = {f.name for f in fields(cls)}
-        unknown = sorted(set(values) - known)
-        if unknown:
-            raise ConfigError(f"unknown network settings {unknown}; known are {sorted(known)}")
+        check_keys(values, (f.name for f in fields(cls)), "network")
         return cls(**{**values, "widths": tuple(values.get("widths", cls.widths))})
 
 

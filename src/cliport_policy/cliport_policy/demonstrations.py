@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from cliport_perception.workspace import WorkspaceSpec
 from cliport_policy.errors import DataError
 
-FORMAT_VERSION = 1
+FORMAT_VERSIONS = (1, 2)  # what differs between them is not read here
 HEIGHT_UNIT = 1e-4  # m: heights are stored as 16-bit integers above the workspace's z_min
 
 
@@ -96,10 +96,9 @@ def _read_meta(folder: Path) -> dict[str, Any]:
         meta = json.loads(path.read_text())
     except ValueError as error:
         raise DataError(f"{path} is not JSON ({error}): generate the data set again") from error
-    if not isinstance(meta, dict) or meta.get("version") != FORMAT_VERSION:
-        raise DataError(
-            f"{path} has version {meta.get('version')!r}, this reader knows {FORMAT_VERSION}: generate again"
-        )
+    if not isinstance(meta, dict) or meta.get("version") not in FORMAT_VERSIONS:
+        known = " and ".join(str(version) for version in FORMAT_VERSIONS)
+        raise DataError(f"{path} has version {meta.get('version')!r}, this reader knows {known}: generate again")
     return meta
 
 

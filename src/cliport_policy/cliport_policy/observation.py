@@ -38,3 +38,12 @@ def to_tensor(channels: NDArray[np.float32]) -> Tensor:
 def observation_tensor(observation: Heightmap) -> Tensor:
     """One heightmap as a batch of one: (1, 5, rows, cols) float32."""
     return to_tensor(stack_channels(observation.color, observation.height, observation.valid)).unsqueeze(0)
+
+
+def unscaled(images: Tensor) -> Tensor:
+    """Batches of observation_tensor back to colour in 0..1 and height in m: (B, 5, H, W) -> (B, 4, H, W).
+
+    Unseen cells are black and at height 0.
+    """
+    color = (images[:, :3] * _COLOR_SCALE + _COLOR_MEAN * images[:, 4:]) / 255
+    return torch.cat((color, images[:, 3:4] * _HEIGHT_SCALE), dim=1)

@@ -19,7 +19,8 @@ from cliport_policy.action import AffordanceMaps, PickPlaceAction
 from cliport_policy.checkpoint import ANCHORS, Card, load_checkpoint, resolve_checkpoint
 from cliport_policy.errors import CheckpointError, InstructionError, ObservationError
 from cliport_policy.language import ENCODER_NAME, TextEncoder, TokenEmbeddings, shared_encoder
-from cliport_policy.networks.compact import CompactNetwork
+from cliport_policy.networks.factory import restore_network
+from cliport_policy.networks.policy_network import PolicyNetwork
 from cliport_policy.networks.rotation import bin_angles
 from cliport_policy.observation import observation_tensor
 
@@ -37,12 +38,11 @@ class _Peak(NamedTuple):
 class Policy:
     """Locator, rotator and transport behind one call. Made by load_policy."""
 
-    def __init__(self, network: CompactNetwork, anchors: Tensor, card: Card, encoder: TextEncoder) -> None:
+    def __init__(self, network: PolicyNetwork, anchors: Tensor, card: Card, encoder: TextEncoder) -> None:
         self.card = card
         self._network = network.eval().to(memory_format=torch.channels_last)  # type: ignore[call-overload]
         self._anchors = anchors  # (A, 384) unit sentence vectors of training instructions
         self._encoder = encoder
-        self._angles = bin_angles(card.network.n_rotations)[None]  # (1, k)
 
     @property
     def workspace(self) -> WorkspaceSpec:
@@ -58,30 +58,33 @@ class Policy:
         return self._similarity(self._encoder.encode_one(instruction))
 
     @torch.inference_mode()
-    def infer(self, observation: Heightmap, instruction: str, with_maps: bool = False) -> PickPlaceAction:
-        """The next pick and place for an instruction.
+    def infer(
+        self, observation: Heightmap, instruction: str, with_maps: bool = False, goal: Heightmap | None = None
+    ) -> PickPlaceAction:
+        """The next pick and place for an instruction, and for an image of the goal where the network reads one.
 
+        A network without a rotator leaves the pick's yaw at 0.
         Raises InstructionError for a text it refuses, and ObservationError for a heightmap of another workspace
         or one that shows nothing.
         """
-        embeddings = self._embed(instruction)
-        self._check_observation(observation)
-        image = observation_tensor(observation).to(memory_format=torch.channels_last)
-        goal = self._network.read_goal(embeddings.tokens, embeddings.mask)
-        size = (image.shape[-2] // 2, image.shape[-1] // 2)
+        self._embed(instruction)
+        image = self._tensor(observation)
+        aim = self._network.encode_goal([instruction.strip()], self._goal_tensor(goal))
+        cell = self._network.cell_size
+        size = (image.shape[-2] // cell, image.shape[-1] // cell)
 
-        mass = F.softmax(self._network.locator(image, goal)[0], dim=0)  # (h w + 1,)
+        mass = F.softmax(self._network.score_picks(image, aim)[0].float(), dim=0)  # (h w + 1,)
         done = float(mass[-1])
         pick_cells = (mass[:-1] / mass[:-1].sum().clamp_min(1e-12)).reshape(size).numpy()
         pick = self._peak(pick_cells)
         pixel = torch.tensor([pick.pixel], dtype=torch.float32)
-        yaw_logits = self._network.rotator(image, goal, pixel, self._angles)[0]
-        pick_yaw = float(self._angles[0, int(yaw_logits.argmax())])
-        scores = self._network.transport(image, goal, pixel, self._angles)[0]  # (k, h, w)
+        yaws, places = self._network.score_rotations(image, aim, pixel)
+        pick_yaw = 0.0 if yaws is None else self._angle(int(yaws[0].argmax()))
+        scores = places[0].float()  # (k, h, w)
         place_mass = F.softmax(scores.flatten(), dim=0).reshape(scores.shape).numpy()
         rotation = int(np.unravel_index(place_mass.argmax(), place_mass.shape)[0])
         place = self._peak(place_mass[rotation])
-        place_yaw = math.remainder(pick_yaw + float(self._angles[0, rotation]), 2 * math.pi)
+        place_yaw = math.remainder(pick_yaw + self._angle(rotation), 2 * math.pi)
         return PickPlaceAction(
             pick=PlanarPose(*self.workspace.pixel_to_xy(*pick.pixel), pick_yaw),
             place=PlanarPose(*self.workspace.pixel_to_xy(*place.pixel), place_yaw),
@@ -123,20 +126,35 @@ class Policy:
         if not observation.valid.any():
             raise ObservationError("the observation has no valid cell: is the camera's depth image empty?")
 
+    def _tensor(self, observation: Heightmap) -> Tensor:
+        self._check_observation(observation)
+        return observation_tensor(observation).to(memory_format=torch.channels_last)
+
+    def _goal_tensor(self, goal: Heightmap | None) -> Tensor | None:
+        if goal is None and self._network.needs_goal_image:
+            raise ObservationError("this policy acts on an image of the goal: hand the goal's heightmap to infer")
+        return None if goal is None else self._tensor(goal)
+
+    def _angle(self, index: int) -> float:
+        """Of a rotation bin [rad]."""
+        return float(bin_angles(self.card.network.n_rotations)[index])
+
     def _peak(self, cells: NDArray[np.float32]) -> _Peak:
-        """Best cell of a half-resolution map, refined by the mean of its 3x3 neighbourhood, as a full pixel."""
+        """Best cell of a map as a full pixel, refined by the mean of its neighbourhood where cells are coarser."""
         row, col = (int(i) for i in np.unravel_index(cells.argmax(), cells.shape))
-        rows = np.arange(max(row - 1, 0), min(row + 2, cells.shape[0]))
-        cols = np.arange(max(col - 1, 0), min(col + 2, cells.shape[1]))
+        cell = self._network.cell_size
+        reach = 1 if cell > 1 else 0
+        rows = np.arange(max(row - reach, 0), min(row + reach + 1, cells.shape[0]))
+        cols = np.arange(max(col - reach, 0), min(col + reach + 1, cells.shape[1]))
         near = cells[np.ix_(rows, cols)]
         total = float(near.sum())
         mean_row = float((near.sum(1) * rows).sum()) / total
         mean_col = float((near.sum(0) * cols).sum()) / total
         pixel = (
-            min(max(round(2 * mean_row + 0.5), 0), self.workspace.rows - 1),
-            min(max(round(2 * mean_col + 0.5), 0), self.workspace.cols - 1),
+            min(max(round(cell * mean_row + (cell - 1) / 2), 0), self.workspace.rows - 1),
+            min(max(round(cell * mean_col + (cell - 1) / 2), 0), self.workspace.cols - 1),
         )
-        radius = CONFIDENCE_RADIUS / (2 * self.workspace.pixel_size)
+        radius = CONFIDENCE_RADIUS / (cell * self.workspace.pixel_size)
         grid_rows, grid_cols = np.ogrid[: cells.shape[0], : cells.shape[1]]
         disc = (grid_rows - row) ** 2 + (grid_cols - col) ** 2 <= radius**2
         return _Peak(pixel, min(float(cells[disc].sum()), 1.0))
@@ -151,24 +169,18 @@ class Policy:
         return np.asarray(up / max(float(up.sum()), 1e-12), np.float32)
 
 
-def load_policy(path_or_name: str | Path = "default") -> Policy:
+def load_policy(path_or_name: str | Path = "default", precision: str = "auto") -> Policy:
     """A policy from a .safetensors file, a training folder, a shipped name or `default`.
 
-    Raises CheckpointError where the file is missing, damaged or made for another encoder.
+    precision: as restore_network takes it. Raises CheckpointError where the file is missing, damaged or made for
+    another encoder, and EncoderError where a network's frozen encoders are not at hand.
     """
     path = resolve_checkpoint(path_or_name)
     tensors, card = load_checkpoint(path)
     if card.encoder != ENCODER_NAME:
         raise CheckpointError(f"checkpoint {path} needs the text encoder {card.encoder!r}; here is {ENCODER_NAME!r}")
     anchors = tensors.pop(ANCHORS, None)
-    network = CompactNetwork(card.network)
-    try:
-        network.load_state_dict(tensors)
-    except RuntimeError as error:
-        reason = " ".join(str(error).split())[:200]
-        raise CheckpointError(
-            f"checkpoint {path} does not fit its card ({reason}): restore it or train again"
-        ) from error
     if anchors is None:
         raise CheckpointError(f"checkpoint {path} lacks {ANCHORS}: train again")
+    network = restore_network(card.network, tensors, card.frozen, path, precision)
     return Policy(network, anchors, card, shared_encoder())

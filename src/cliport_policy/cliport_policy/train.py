@@ -72,7 +72,7 @@ def _train(args: argparse.Namespace) -> int:
         val = load_demonstrations(args.val)
         samples = val.samples()
         chosen = np.random.default_rng(0).permutation(len(samples))[:300]
-        print(agreement(trainer.average, val, [samples[i] for i in chosen], shared_encoder()))
+        print(agreement(trainer.average, val, [samples[i] for i in chosen]))
     return 0
 
 

@@ -18,13 +18,14 @@ from torch import Tensor, nn
 
 from cliport_policy.batches import Batch, Phrasebook, batches, collate, make_sample
 from cliport_policy.checkpoint import ANCHORS, Card, save_checkpoint, write_json
-from cliport_policy.config import NetworkConfig, TrainConfig
+from cliport_policy.config import TrainConfig
 from cliport_policy.demonstrations import DemonstrationSet
 from cliport_policy.errors import DataError, TrainingError
-from cliport_policy.language import ENCODER_NAME, TextEncoder, TokenEmbeddings
+from cliport_policy.language import ENCODER_NAME, TextEncoder
 from cliport_policy.losses import compute_losses
-from cliport_policy.networks.compact import CompactNetwork
-from cliport_policy.networks.rotation import bin_angles
+from cliport_policy.named_configs import AnyNetworkConfig
+from cliport_policy.networks.factory import build_network
+from cliport_policy.networks.policy_network import PolicyNetwork
 
 logger = logging.getLogger(__name__)
 
@@ -35,27 +36,13 @@ MIN_SIMILARITY = 0.45
 AGREE_RADIUS = 0.03  # m
 
 
-class PhraseEmbeddings:
-    """Token embeddings of all training phrases, computed once and kept in half precision."""
-
-    def __init__(self, encoder: TextEncoder, phrases: list[str], chunk: int = 128) -> None:
-        self._rows: dict[str, Tensor] = {}
-        vectors: list[Tensor] = []
-        for start in range(0, len(phrases), chunk):
-            part = phrases[start : start + chunk]
-            embeddings = encoder.encode(part)
-            vectors.append(embeddings.sentence_vectors())
-            for phrase, tokens, mask in zip(part, embeddings.tokens, embeddings.mask, strict=True):
-                self._rows[phrase] = tokens[mask].half()
-            if start // chunk % 20 == 0:
-                logger.info("embedding phrases: %d of %d", start + len(part), len(phrases))
-        self.sentence_vectors = torch.cat(vectors)  # (P, 384)
-
-    def batch(self, phrases: list[str]) -> TokenEmbeddings:
-        rows = [self._rows[phrase].float() for phrase in phrases]
-        tokens = nn.utils.rnn.pad_sequence(rows, batch_first=True)
-        lengths = torch.tensor([len(row) for row in rows])
-        return TokenEmbeddings(tokens, torch.arange(tokens.shape[1])[None] < lengths[:, None])
+def phrase_vectors(encoder: TextEncoder, phrases: list[str], chunk: int = 2560) -> Tensor:
+    """Sentence vectors of all training phrases (P, 384); the encoder remembers their tokens."""
+    vectors: list[Tensor] = []
+    for start in range(0, len(phrases), chunk):
+        vectors.append(encoder.batch(phrases[start : start + chunk]).sentence_vectors())
+        logger.info("embedding phrases: %d of %d", min(start + chunk, len(phrases)), len(phrases))
+    return torch.cat(vectors)
 
 
 @dataclass(frozen=True)
@@ -79,14 +66,14 @@ class Trainer:
         self,
         data: DemonstrationSet,
         folder: Path,
-        network_config: NetworkConfig,
+        network_config: AnyNetworkConfig,
         config: TrainConfig,
         encoder: TextEncoder,
         made_by: dict[str, Any],
     ) -> None:
         self.data, self.folder, self.config, self.made_by = data, folder, config, made_by
         torch.manual_seed(config.seed)
-        self.network = CompactNetwork(network_config).to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+        self.network = build_network(network_config).to(memory_format=torch.channels_last)  # type: ignore[call-overload]
         self.average = copy.deepcopy(self.network).eval()
         self.optimizer = torch.optim.AdamW(
             self.network.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay
@@ -94,7 +81,7 @@ class Trainer:
         rng = np.random.default_rng((config.seed, 1))
         instructions = [demo.instruction for frame in data.frames for demo in frame.demos]
         self.phrasebook = Phrasebook(instructions, config.phrases_per_goal, rng)
-        self.embeddings = PhraseEmbeddings(encoder, self.phrasebook.all_phrases())
+        self.phrase_vectors = phrase_vectors(encoder, self.phrasebook.all_phrases())
         self.step = 0
         if self._state_path.is_file():
             self._resume()
@@ -141,10 +128,9 @@ class Trainer:
         self.network.train()
         for group in self.optimizer.param_groups:
             group["lr"] = self._learning_rate()
-        tokens, mask = self.embeddings.batch(batch.phrases)
         generator = torch.Generator().manual_seed(self.config.seed * 1_000_003 + self.step)
         with torch.autocast("cpu", torch.bfloat16):
-            losses = compute_losses(self.network, batch, tokens, mask, self.config, generator)
+            losses = compute_losses(self.network, batch, self.config, generator)
         total = losses.total()
         if not torch.isfinite(total):
             raise TrainingError(f"the loss is {float(total.detach())} at step {self.step}: lower --learning-rate")
@@ -186,6 +172,7 @@ class Trainer:
                 "frames": len(self.data.frames),
                 "data": self.data.meta,
             },
+            frozen=self.network.encoder_identity,
         )
         save_checkpoint(
             self.folder / "policy.safetensors",
@@ -225,7 +212,7 @@ class Trainer:
 
     def _anchors(self) -> Tensor:
         """A spread of training sentences' vectors (greedy farthest points): (64, 384), unit length."""
-        vectors = self.embeddings.sentence_vectors
+        vectors = self.phrase_vectors
         chosen = [0]
         nearest = vectors @ vectors[0]
         while len(chosen) < min(N_ANCHORS, len(vectors)):
@@ -239,14 +226,12 @@ def _part(state: dict[str, Tensor], prefix: str) -> dict[str, Tensor]:
 
 
 @torch.inference_mode()
-def agreement(
-    network: CompactNetwork, data: DemonstrationSet, samples: Iterable[tuple[int, int]], encoder: TextEncoder
-) -> Agreement:
+def agreement(network: PolicyNetwork, data: DemonstrationSet, samples: Iterable[tuple[int, int]]) -> Agreement:
     """Compare a network with held-out demonstrations, in their canonical wording and without augmentation."""
     config = TrainConfig(augment_probability=0.0)
     rng = np.random.default_rng(0)
     network.eval()
-    angles = bin_angles(network.config.n_rotations)[None]
+    cell = network.cell_size
     radius = AGREE_RADIUS / data.workspace.pixel_size
     hits = {"pick": [0, 0], "yaw": [0, 0], "place": [0, 0], "done": [0, 0]}
     n = 0
@@ -254,21 +239,21 @@ def agreement(
         n += 1
         demo = data.frames[index[0]].demos[index[1]]
         batch = collate([make_sample(data, index, Phrasebook([demo.instruction], 0, rng), config, rng)])
-        embeddings = encoder.encode_one(demo.instruction)
-        goal = network.read_goal(embeddings.tokens, embeddings.mask)
-        logits = network.locator(batch.images, goal)[0]
+        goal = network.encode_goal([demo.instruction])
+        logits = network.score_picks(batch.images, goal)[0]
         done = float(logits.softmax(0)[-1]) > 0.5
         _count(hits["done"], done == demo.done)
         if demo.done:
             continue
-        cols = batch.images.shape[-1] // 2
-        cell = int(logits[:-1].argmax())
-        _count(hits["pick"], _near((2 * (cell // cols), 2 * (cell % cols)), demo.pick_pixel, radius))
-        yaw = float(angles[0, int(network.rotator(batch.images, goal, batch.pick, angles)[0].argmax())])
+        cols = batch.images.shape[-1] // cell
+        best = int(logits[:-1].argmax())
+        _count(hits["pick"], _near((cell * (best // cols), cell * (best % cols)), demo.pick_pixel, radius))
+        yaws, places = network.score_rotations(batch.images, goal, batch.pick)
+        yaw = 0.0 if yaws is None else int(yaws[0].argmax()) * 2 * math.pi / network.config.n_rotations
         period = min(demo.pick_yaw_period, math.pi)
         _count(hits["yaw"], abs(math.remainder(yaw - demo.pick_yaw, period)) < math.radians(10))
-        best = int(network.transport(batch.images, goal, batch.pick, angles)[0].max(0).values.argmax())
-        _count(hits["place"], _near((2 * (best // cols), 2 * (best % cols)), demo.place_pixel, radius))
+        best = int(places[0].max(0).values.argmax())
+        _count(hits["place"], _near((cell * (best // cols), cell * (best % cols)), demo.place_pixel, radius))
     share = {name: right / max(total, 1) for name, (right, total) in hits.items()}
     return Agreement(share["pick"], share["yaw"], share["place"], share["done"], n)
 

@@ -1,6 +1,8 @@
 """A tiny demonstration set, drawn flat, in the format that cliport_benchmark generate writes."""
 
 import json
+import warnings
+from collections.abc import Iterator
 from pathlib import Path
 
 import cv2
@@ -8,8 +10,10 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+import torch
 
 from cliport_perception.workspace import WorkspaceSpec
+from cliport_policy.encoders.clip_modules import ClipResNet, ClipText
 
 COLORS = {"red": (255, 87, 89), "blue": (78, 121, 167)}
 
@@ -65,3 +69,83 @@ def write_flat_set(folder: Path, observations: int, seed: int = 0) -> Path:
 @pytest.fixture
 def flat_set(tmp_path: Path) -> Path:
     return write_flat_set(tmp_path / "data", 6)
+
+
+@pytest.fixture
+def one_thread() -> Iterator[None]:
+    """Of torch: in tests of small networks a second thread costs more than it does."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(before)
+
+
+CLIP_WIDTH, CLIP_DIM = 8, 32
+
+
+def make_small_clip() -> dict[str, torch.Tensor]:
+    """A randomly initialised CLIP ResNet, small, with the names and the half precision of OpenAI's checkpoint."""
+    generator = torch.Generator().manual_seed(0)
+    visual = ClipResNet(CLIP_WIDTH, (1, 2, 1, 1)).state_dict()
+    text = ClipText(49408, 77, 64, 2, CLIP_DIM).state_dict()
+    weights = {f"visual.{name.removeprefix('stem.')}": value for name, value in visual.items()} | text
+    weights["logit_scale"] = torch.tensor(0.0)
+    pooled = 32 * CLIP_WIDTH
+    weights["visual.attnpool.positional_embedding"] = torch.empty(50, pooled)
+    for name, out in (("k_proj", pooled), ("q_proj", pooled), ("v_proj", pooled), ("c_proj", CLIP_DIM)):
+        weights[f"visual.attnpool.{name}.weight"] = torch.empty(out, pooled)
+        weights[f"visual.attnpool.{name}.bias"] = torch.empty(out)
+    for name, value in weights.items():
+        if not value.is_floating_point():
+            continue
+        fan_in = value[0].numel() if value.dim() > 1 else 1
+        weights[name] = torch.randn(value.shape, generator=generator) * (2 / fan_in) ** 0.5 * (value.dim() > 1)
+        if value.dim() == 1 and name.endswith(("weight", "running_var")):
+            weights[name] = 0.5 + torch.rand(value.shape, generator=generator)
+    sizes = {
+        "input_resolution": torch.tensor(224),
+        "context_length": torch.tensor(77),
+        "vocab_size": torch.tensor(49408),
+    }
+    return {name: value.half() if value.is_floating_point() else value for name, value in (weights | sizes).items()}
+
+
+class _Tree(torch.nn.Module):
+    def forward(self, x: torch.Tensor) -> torch.Tensor:
+        return x
+
+
+def write_archive(weights: dict[str, torch.Tensor], path: Path) -> Path:
+    """The tensors as a TorchScript archive, which is how OpenAI publishes them."""
+    root = _Tree()
+    for name, value in weights.items():
+        *parents, leaf = name.split(".")
+        at = root
+        for parent in parents:
+            if parent not in dict(at.named_children()):
+                at.add_module(parent, _Tree())
+            at = getattr(at, parent)
+        at.register_buffer(leaf, value)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", FutureWarning)
+        torch.jit.save(torch.jit.script(root), str(path))
+    return path
+
+
+@pytest.fixture(scope="session")
+def small_clip() -> dict[str, torch.Tensor]:
+    return make_small_clip()
+
+
+@pytest.fixture(scope="session")
+def clip_folder(small_clip: dict[str, torch.Tensor], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder of models that holds a small RN50.pt, as CLIPORT_MODELS names one."""
+    folder = tmp_path_factory.mktemp("models")
+    write_archive(small_clip, folder / "RN50.pt")
+    return folder
+
+
+@pytest.fixture
+def clip_models(clip_folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("CLIPORT_MODELS", str(clip_folder))
+    return clip_folder

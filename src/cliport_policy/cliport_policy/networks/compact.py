@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
-from torch import Tensor, nn
+from collections.abc import Sequence
+
+from torch import Tensor
 
 from cliport_policy.config import NetworkConfig
+from cliport_policy.language import shared_encoder
 from cliport_policy.networks.goal_reader import GoalReader
 from cliport_policy.networks.locator import Locator
+from cliport_policy.networks.policy_network import Goal, PolicyNetwork
 from cliport_policy.networks.rotator import Rotator
 from cliport_policy.networks.transport import Transport
 from cliport_policy.observation import CHANNELS
 
 
-class CompactNetwork(nn.Module):
+class CompactNetwork(PolicyNetwork):
     """The three networks share nothing but the frozen text encoder's embeddings and the goal reader."""
+
+    config: NetworkConfig
+    cell_size = 2
 
     def __init__(self, config: NetworkConfig) -> None:
         super().__init__()
@@ -28,3 +35,17 @@ class CompactNetwork(nn.Module):
         """(B, T, token_dim), (B, T) -> (B, 2 * goal_dim)."""
         goal: Tensor = self.goal_reader(tokens, mask)
         return goal
+
+    def encode_goal(self, sentences: Sequence[str], images: Tensor | None = None) -> Goal:
+        tokens, mask = shared_encoder().batch(sentences)
+        device = self.locator.null_score.device
+        return Goal(self.read_goal(tokens.to(device), mask.to(device)))
+
+    def score_picks(self, images: Tensor, goal: Goal) -> Tensor:
+        return self.locator(images, goal.language)
+
+    def score_yaws(self, images: Tensor, goal: Goal, pick: Tensor, angles: Tensor) -> Tensor | None:
+        return self.rotator(images, goal.language, pick, angles)
+
+    def score_places(self, images: Tensor, goal: Goal, pick: Tensor, angles: Tensor) -> Tensor:
+        return self.transport(images, goal.language, pick, angles)

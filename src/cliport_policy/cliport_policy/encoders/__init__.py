@@ -1,0 +1,1 @@
+"""Frozen encoders of images and sentences: read from files or packages, never trained, never in checkpoints."""

@@ -1,0 +1,43 @@
+"""Settings read from people: unknown names and values end in one line that shows the nearest valid one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import fields
+from difflib import get_close_matches
+from typing import Any
+
+from cliport_policy.errors import ConfigError
+
+
+def did_you_mean(name: object, valid: Iterable[str]) -> str:
+    """`did you mean 'x'? Known are a, b, x`, or without the question where nothing is near."""
+    names = sorted(valid)
+    near = get_close_matches(str(name), names, 1, cutoff=0.5)
+    known = f"known are {', '.join(names)}"
+    return f"did you mean '{near[0]}'? {known.capitalize()}" if near else known
+
+
+def check_keys(values: Mapping[str, Any], valid: Iterable[str], where: str) -> None:
+    """Raise ConfigError where a key is not one of the valid ones."""
+    valid = list(valid)
+    for key in values:
+        if key not in valid:
+            raise ConfigError(f"unknown {where} setting '{key}': {did_you_mean(key, valid)}")
+
+
+def check_choice(value: object, valid: Iterable[str], where: str) -> None:
+    """Raise ConfigError where a value is not one of the valid names."""
+    valid = list(valid)
+    if value not in valid:
+        raise ConfigError(f"{where} can't be '{value}': {did_you_mean(value, valid)}")
+
+
+def check_types(config: Any, where: str) -> None:
+    """Raise ConfigError where a plain field (bool, int, float, str) of a dataclass holds another type."""
+    kinds: dict[str, tuple[type, ...]] = {"bool": (bool,), "int": (int,), "float": (int, float), "str": (str,)}
+    for field in fields(config):
+        value, kind = getattr(config, field.name), str(field.type)
+        wrong = kind in kinds and (not isinstance(value, kinds[kind]) or (kind != "bool" and isinstance(value, bool)))
+        if wrong:
+            raise ConfigError(f"{where} setting '{field.name}' must be a {kind}, not {value!r}")

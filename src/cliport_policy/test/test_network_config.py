@@ -1,0 +1,119 @@
+"""Networks as data: every shipped config is sound, and a wrong name or value is answered with the nearest right one."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from cliport_policy.config import NetworkConfig
+from cliport_policy.encoders.registry import on_hand
+from cliport_policy.errors import ConfigError
+from cliport_policy.named_configs import config_names, load_network_config, network_config_from_dict
+from cliport_policy.stream_config import StreamsConfig
+
+NAMES = [
+    "clip_only",
+    "cliport",
+    "cliport_wo_lang",
+    "compact",
+    "image_goal",
+    "language_transporter",
+    "rn50_bert",
+    "transporter",
+    "untrained_sem",
+    "wo_skips",
+]
+
+
+def test_the_ten_are_there() -> None:
+    assert config_names() == NAMES
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_card_gives_back_what_it_was_given(name: str) -> None:
+    config = load_network_config(name)
+    assert network_config_from_dict(config.to_dict()) == config
+
+
+def test_compact_is_the_default_network() -> None:
+    assert load_network_config("compact") == NetworkConfig()
+
+
+def test_what_the_names_promise() -> None:
+    configs = {name: load_network_config(name) for name in NAMES if name != "compact"}
+    reading = {name for name, config in configs.items() if isinstance(config, StreamsConfig) and config.reads_language}
+    assert reading == {"clip_only", "cliport", "language_transporter", "rn50_bert", "untrained_sem"}
+    goal_driven = {
+        name for name, config in configs.items() if isinstance(config, StreamsConfig) and config.needs_goal_image
+    }
+    assert goal_driven == {"image_goal"}
+
+
+@pytest.mark.parametrize(
+    ("name", "changes", "near"),
+    [
+        ("clipport", {}, "'cliport'"),
+        ("cliport", {"pick.langage": "film"}, "'language'"),
+        ("cliport", {"pick.language": "flim"}, "'film'"),
+        ("cliport", {"pik.language": "film"}, "'pick.language'"),
+        ("cliport", {"encodr": "clip_rn50"}, "'encoder'"),
+        ("cliport", {"encoder": "clip_rn5"}, "'clip_rn50'"),
+        ("cliport", {"kind": "stream"}, "'streams'"),
+        ("transporter", {"key": {"spatial": "plane"}}, "'plain'"),
+        ("compact", {"with": [8, 16]}, "'widths'"),
+    ],
+)
+def test_the_nearest_valid_name_is_shown(name: str, changes: dict[str, Any], near: str) -> None:
+    with pytest.raises(ConfigError, match="did you mean") as caught:
+        load_network_config(name, changes)
+    assert near in str(caught.value) and "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("name", "changes"),
+    [
+        ("transporter", {"pick.spatial": "none"}),  # no stream
+        ("transporter", {"pick.language": "multiply"}),  # no encoder
+        ("transporter", {"pick.fusion": "add"}),  # one stream only
+        ("cliport", {"pick.fusion": "none"}),  # two streams
+        ("cliport", {"pick.spatial": "plain"}),  # laterals of a stream without
+        ("cliport", {"pick.semantic": "yes"}),
+        ("cliport", {"pick": None}),
+        ("cliport", {"width": "wide"}),
+        ("cliport", {"width": 0.0}),
+        ("cliport", {"crop_pixels": 60}),
+        ("cliport", {"n_rotations": True}),
+        ("image_goal", {"key.goal_image": "multiply"}),
+    ],
+)
+def test_what_cannot_work_is_one_line(name: str, changes: dict[str, Any]) -> None:
+    with pytest.raises(ConfigError) as caught:
+        load_network_config(name, changes)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_change_reaches_one_net_only() -> None:
+    config = load_network_config("cliport", {"query.language": "film", "rotator": {"spatial": "plain"}})
+    assert isinstance(config, StreamsConfig) and config.rotator is not None
+    assert (config.query.language, config.key.language, config.rotator.spatial) == ("film", "multiply", "plain")
+
+
+def test_a_file_of_ones_own(tmp_path: Path) -> None:
+    path = tmp_path / "mine.yaml"
+    path.write_text("kind: streams\npick: &n {spatial: plain}\nquery: *n\nkey: *n\nn_rotations: 12\n")
+    assert load_network_config(path).n_rotations == 12
+    for text in ("pick: [", "- a\n- b\n", "\0"):
+        path.write_text(text)
+        with pytest.raises(ConfigError, match=r"YAML|mapping") as caught:
+            load_network_config(path)
+        assert "\n" not in str(caught.value)
+
+
+def test_rn50_bert_falls_back_on_what_packages_bring(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("CLIPORT_MODELS", str(tmp_path))
+    config = load_network_config("rn50_bert")
+    assert isinstance(config, StreamsConfig)
+    assert on_hand(config).encoder == "efficientnet_minilm"
+    (tmp_path / "resnet50.pth").touch()
+    (tmp_path / "distilbert-base-uncased").mkdir()
+    assert on_hand(config).encoder == "resnet50_distilbert"
