@@ -183,4 +183,4 @@ def load_policy(path_or_name: str | Path = "default", precision: str = "auto") -
     if anchors is None:
         raise CheckpointError(f"checkpoint {path} lacks {ANCHORS}: train again")
     network = restore_network(card.network, tensors, card.frozen, path, precision)
-    return Policy(network, anchors, card, shared_encoder())
+    return Policy(network, anchors.clone(), card, shared_encoder())  # a view would keep the whole file in memory

@@ -11,6 +11,7 @@ from cliport_policy.settings import check_choice, check_keys, check_types
 SPATIAL = ("none", "plain", "lateral")
 LANGUAGE = ("none", "multiply", "film")
 FUSION = ("none", "add", "concat")
+NORM = ("none", "group")
 GOAL_IMAGE = ("none", "multiply")
 ENCODERS = ("none", "clip_rn50", "resnet50_distilbert", "efficientnet_minilm", "untrained_resnet50_distilbert")
 
@@ -21,6 +22,7 @@ class NetConfig:
 
     spatial: `plain` is the 43-layer hourglass, `lateral` the deeper one of CLIPort itself.
     semantic: whether there is a frozen encoder with a decoder. skips: encoder features reach the decoder.
+    norm: `group` normalises after the six wide convolutions of the decoder with skips (spec, section 14, row 20).
     laterals: the spatial decoder's features flow into the semantic one.
     language: how the sentence enters: the semantic decoder, or the spatial stream where it stands alone.
     fusion: how the two streams' maps are joined: their sum, or concatenated through a 1x1 convolution.
@@ -32,6 +34,7 @@ class NetConfig:
     language: str = "none"
     laterals: bool = False
     skips: bool = True
+    norm: str = "none"
     fusion: str = "none"
     goal_image: str = "none"
 
@@ -40,6 +43,7 @@ class NetConfig:
         for name, valid in (
             ("spatial", SPATIAL),
             ("language", LANGUAGE),
+            ("norm", NORM),
             ("fusion", FUSION),
             ("goal_image", GOAL_IMAGE),
         ):
@@ -48,6 +52,8 @@ class NetConfig:
             raise ConfigError("a net needs a stream: set spatial to plain or lateral, or semantic to true")
         if (self.spatial != "none" and self.semantic) != (self.fusion != "none"):
             raise ConfigError(f"fusion={self.fusion}: two streams need add or concat, one stream needs none")
+        if self.norm != "none" and not (self.semantic and self.skips):
+            raise ConfigError(f"norm={self.norm} needs semantic: true and skips: true")
         if self.laterals and not (self.spatial == "lateral" and self.semantic):
             raise ConfigError("laterals need spatial: lateral and semantic: true")
         if self.language != "none" and not self.semantic and self.spatial != "plain":

@@ -78,6 +78,7 @@ def test_the_nearest_valid_name_is_shown(name: str, changes: dict[str, Any], nea
         ("cliport", {"pick.fusion": "none"}),  # two streams
         ("cliport", {"pick.spatial": "plain"}),  # laterals of a stream without
         ("cliport", {"pick.semantic": "yes"}),
+        ("cliport", {"pick.skips": False}),  # nothing to normalise
         ("cliport", {"pick": None}),
         ("cliport", {"width": "wide"}),
         ("cliport", {"width": 0.0}),

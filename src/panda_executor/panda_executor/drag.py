@@ -18,7 +18,6 @@ from panda_executor.limits import FloatArray
 from panda_executor.motions import Motion
 from panda_executor.ports import ShouldStop
 from panda_executor.request import Phase, PickPlaceRequest
-
 from panda_executor.transfer import TransferPlanner, relevant_points
 
 _MAX_BRANCHES = 4  # of the inverse kinematics that are tried for one pose

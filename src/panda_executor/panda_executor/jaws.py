@@ -117,7 +117,11 @@ class Jaws:
         Raises:
             GraspError: when it is too wide, or there is no room for the fingers.
         """
-        strip = self._strip(0.0, self._config.finger_margin) & ndimage.binary_dilation(whole, structure=_SQUARE) & self._cells.seen
+        strip = (
+            self._strip(0.0, self._config.finger_margin)
+            & ndimage.binary_dilation(whole, structure=_SQUARE)
+            & self._cells.seen
+        )
         at_pick = strip & (np.hypot(self.along, self.across) <= reach)
         if not at_pick.any():
             return None

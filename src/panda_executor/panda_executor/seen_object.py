@@ -72,9 +72,9 @@ def find_object(
 
 
 def _feet(cells: GroundCells) -> BoolArray:
-    """Cells at the foot of something: much lower than what is within two cells of them."""
+    """Cells at the foot of something: much lower than one beside them."""
     top = np.where(cells.seen, cells.top, -np.inf)
-    feet: BoolArray = cells.seen & (top < ndimage.maximum_filter(top, size=5) - STEP)
+    feet: BoolArray = cells.seen & (top < ndimage.maximum_filter(top, size=3) - STEP)
     return feet
 
 

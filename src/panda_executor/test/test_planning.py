@@ -216,7 +216,8 @@ def test_a_drag_follows_the_table(planner: TransferPlanner, workspace: Workspace
     tcp = np.array([planner.model.tcp_arrays(q)[1] for q in plan.drag.trajectory.positions])
     assert np.ptp(tcp[:, 2]) < 0.002
     np.testing.assert_allclose(tcp[[0, -1], :2], [[0.45, -0.1], [0.5, 0.1]], atol=1e-4)
-    assert plan.opening == (0.0 if primitive is Primitive.SWEEP else 0.04)
+    assert plan.opening == (0.0 if primitive is Primitive.SWEEP else planner.config.drag.fold_opening)
+    assert (plan.lift is None) == (primitive is Primitive.SWEEP)
 
 
 def test_a_drag_stops_at_something_tall(planner: TransferPlanner, workspace: WorkspaceSpec) -> None:

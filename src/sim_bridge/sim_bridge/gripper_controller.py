@@ -67,7 +67,7 @@ class GripperConfig:
     epsilon_outer: float = 0.08
     franka_quirks: bool = True
     position_tolerance: float = 0.001
-    settle_speed: float = 0.003
+    settle_speed: float = 0.008
     settle_time: float = 0.1
     allowance: float = 2.0
 

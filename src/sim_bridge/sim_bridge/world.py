@@ -22,6 +22,7 @@ from sim_bridge.tasks.base import Task
 LARGEST_SEED = 2**63 - 1  # what files and messages hold
 _STEEP = 0.7  # an axis with a larger vertical part stands upright
 _FAR = 2.0  # nothing belongs farther from the base [m]
+_TABLE_HALF = (2.0, 2.0, 0.25)  # half edges of the slab about the origin whose top is the table's [m]
 _IMPOSSIBLE_SPEED = 20.0  # [m/s]
 
 
@@ -247,7 +248,8 @@ class SimWorld:
         )
         self._objects = []
         self._task = None
-        plane = pybullet.createCollisionShape(pybullet.GEOM_PLANE, physicsClientId=self.client)
-        table = pybullet.createMultiBody(0.0, plane, physicsClientId=self.client)
+        # a plane would touch a small thing in one point at a time: it would spin there, and sink
+        slab = pybullet.createCollisionShape(pybullet.GEOM_BOX, halfExtents=_TABLE_HALF, physicsClientId=self.client)
+        table = pybullet.createMultiBody(0.0, slab, basePosition=[0, 0, -_TABLE_HALF[2]], physicsClientId=self.client)
         pybullet.changeDynamics(table, -1, lateralFriction=self.config.table_friction, physicsClientId=self.client)
         self.panda = PandaArm(self.client)

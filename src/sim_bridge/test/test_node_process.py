@@ -22,7 +22,7 @@ def start_node(*arguments):
 @pytest.mark.parametrize(
     ("argument", "words"),
     [
-        ("task:=put-block-in-bowl", "put-blocks-in-bowls-seen-colors"),
+        ("task:=put-blocks-in-bowls-seen-colours", "put-blocks-in-bowls-seen-colors"),
         ("camera_rate:=-5.0", "camera_rate"),
         ("seed:=many", "seed"),
         ("trajectory_log:=/no/such/folder/log", "trajectory_log"),

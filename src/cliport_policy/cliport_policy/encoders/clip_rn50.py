@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import torch
 from torch import Tensor
 
 from cliport_policy.encoders.clip_modules import ClipResNet, ClipText
@@ -45,22 +46,24 @@ def load_clip(name: str, path: Path) -> FrozenEncoders:
 
 def _resnet(weights: Mapping[str, Tensor]) -> ClipResNet:
     blocks = [_count(weights, f"visual.layer{stage + 1}.") for stage in range(_N_STAGES)]
-    network = ClipResNet(weights["visual.layer1.0.conv1.weight"].shape[0], blocks)
+    with torch.device("meta"):
+        network = ClipResNet(weights["visual.layer1.0.conv1.weight"].shape[0], blocks)
     named = {
         (name if name.startswith("layer") else f"stem.{name}"): value
         for name, value in _below(weights, "visual.").items()
         if not name.startswith("attnpool.")  # its pooling is not used
     }
-    network.load_state_dict(named)
-    return network
+    network.load_state_dict(named, assign=True)
+    return network.float()
 
 
 def _text(weights: Mapping[str, Tensor]) -> ClipText:
     vocabulary, width = weights["token_embedding.weight"].shape
     context, dim = weights["positional_embedding"].shape[0], weights["text_projection"].shape[1]
-    network = ClipText(vocabulary, context, width, _count(weights, "transformer.resblocks."), dim)
-    network.load_state_dict({name: weights[name] for name in network.state_dict()})
-    return network
+    with torch.device("meta"):
+        network = ClipText(vocabulary, context, width, _count(weights, "transformer.resblocks."), dim)
+    network.load_state_dict({name: weights[name] for name in network.state_dict()}, assign=True)
+    return network.float()
 
 
 def _below(weights: Mapping[str, Tensor], prefix: str) -> dict[str, Tensor]:

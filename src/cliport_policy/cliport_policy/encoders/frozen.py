@@ -70,9 +70,11 @@ class FrozenEncoders:
         """The image and the sentence encoder, for those who count or inspect."""
         return self._vision, self._text
 
-    def see_in(self, dtype: torch.dtype) -> FrozenEncoders:
-        """The same with images encoded in another precision; sentences stay in float32."""
+    def cast(self, dtype: torch.dtype, text: bool) -> FrozenEncoders:
+        """The same in another precision: of images and, where it is nobody else's, of sentences."""
         self._vision.stages.to(dtype)
+        if text:
+            self._text.to(dtype)
         return self
 
     @torch.no_grad()

@@ -35,15 +35,19 @@ def encoders_of(config: StreamsConfig, dtype: torch.dtype = torch.float32) -> Fr
 
 @lru_cache(maxsize=4)
 def _shared(name: str, seed: int, folder: Path, dtype: torch.dtype) -> FrozenEncoders:
+    # MiniLM also checks instructions for every policy of the process, in float32.
+    return _load(name, seed).cast(dtype, text=name != "efficientnet_minilm")
+
+
+def _load(name: str, seed: int) -> FrozenEncoders:
     if name == "clip_rn50":
-        return clip_rn50.load_clip(name, existing(CLIP_FILE, "OpenAI's CLIP RN50 checkpoint")).see_in(dtype)
+        return clip_rn50.load_clip(name, existing(CLIP_FILE, "OpenAI's CLIP RN50 checkpoint"))
     if name == "efficientnet_minilm":
-        widths, vision, reader = efficientnet.TAP_WIDTHS, efficientnet.load_efficientnet(), bert.minilm()
-    elif name == "untrained_resnet50_distilbert":
-        widths, vision, reader = resnet50.TAP_WIDTHS, resnet50.untrained_resnet50(seed), bert.untrained_distilbert(seed)
+        vision, reader = efficientnet.load_efficientnet(), bert.minilm()
+        return FrozenEncoders(name, EncoderShape(efficientnet.TAP_WIDTHS, reader.dim, PROJECTED_DIM), vision, *reader)
+    if name == "untrained_resnet50_distilbert":
+        vision, reader = resnet50.untrained_resnet50(seed), bert.untrained_distilbert(seed)
     else:
-        files = existing(RESNET_FILE, "torchvision's ResNet50 state dict")
-        folder = existing(DISTILBERT_FOLDER, "the files of distilbert-base-uncased")
-        widths, vision, reader = resnet50.TAP_WIDTHS, resnet50.load_resnet50(files), bert.distilbert(folder)
-    shape = EncoderShape(widths, reader.dim, PROJECTED_DIM)
-    return FrozenEncoders(name, shape, vision, *reader).see_in(dtype)
+        vision = resnet50.load_resnet50(existing(RESNET_FILE, "torchvision's ResNet50 state dict"))
+        reader = bert.distilbert(existing(DISTILBERT_FOLDER, "the files of distilbert-base-uncased"))
+    return FrozenEncoders(name, EncoderShape(resnet50.TAP_WIDTHS, reader.dim, PROJECTED_DIM), vision, *reader)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import torch
@@ -18,20 +19,25 @@ _WITH_SKIPS = (512, 256, 128, 64, 32, 16)  # at 1/16, 1/8, 1/4, 1/2, 1 and twice
 _WITHOUT_SKIPS = (512, 128, 64, 32)  # at 1/16 .. 1/2; the last one is up-sampled to the size
 _N_SKIPS = 3
 _LANGUAGE_LEVELS = 3
+_GROUPS = 32
 
 
 class SkipLevel(nn.Module):
-    """Up-sample, concatenate an encoder feature, two 3x3 convolutions; no batch norm (spec, section 14, row 20)."""
+    """Up-sample, concatenate an encoder feature, two 3x3 convolutions, with or without group norm after each."""
 
-    def __init__(self, channels_in: int, skip: int, channels_out: int) -> None:
+    def __init__(self, channels_in: int, skip: int, channels_out: int, norm: str) -> None:
         super().__init__()
         self.conv1 = convolution(channels_in + skip, 2 * channels_out, 3, bias=True)
         self.conv2 = convolution(2 * channels_out, channels_out, 3, bias=True)
+        self.norm1, self.norm2 = (
+            nn.GroupNorm(math.gcd(_GROUPS, c), c) if norm == "group" else nn.Identity()
+            for c in (2 * channels_out, channels_out)
+        )
 
     def forward(self, x: Tensor, skip: Tensor | None) -> Tensor:
         assert skip is not None
         x = torch.cat((skip, upsample(x)), dim=1)
-        return F.relu_(self.conv2(F.relu_(self.conv1(x))))
+        return F.relu_(self.norm2(self.conv2(F.relu_(self.norm1(self.conv1(x))))))
 
 
 class FineLevel(nn.Module):
@@ -65,6 +71,7 @@ class SemanticDecoder(nn.Module):
         out: int,
         width: float = 1.0,
         skips: bool = True,
+        norm: str = "none",
         language: str = "none",
         text_dim: int = 0,
         lateral_widths: Sequence[int] = (),
@@ -74,7 +81,8 @@ class SemanticDecoder(nn.Module):
         ins = [scaled(_STEM, width), *outs[:-1]]
         self.stem = convolution(tap_widths[-1], ins[0], 3)
         self.levels = nn.ModuleList(
-            self._level(level, a, b, tap_widths, skips) for level, (a, b) in enumerate(zip(ins, outs, strict=True))
+            self._level(level, a, b, tap_widths, skips, norm)
+            for level, (a, b) in enumerate(zip(ins, outs, strict=True))
         )
         self.language = nn.ModuleList(
             LanguageFusion(language, text_dim, c) for c in (ins[:_LANGUAGE_LEVELS] if language != "none" else [])
@@ -84,10 +92,10 @@ class SemanticDecoder(nn.Module):
         self.oversize = 2 if skips else 0.5  # of the last level's map
 
     @staticmethod
-    def _level(level: int, a: int, b: int, tap_widths: Sequence[int], skips: bool) -> nn.Module:
+    def _level(level: int, a: int, b: int, tap_widths: Sequence[int], skips: bool, norm: str) -> nn.Module:
         if not skips:
             return BareLevel(a, b)
-        return SkipLevel(a, tap_widths[2 - level], b) if level < _N_SKIPS else FineLevel(a, b)
+        return SkipLevel(a, tap_widths[2 - level], b, norm) if level < _N_SKIPS else FineLevel(a, b)
 
     def forward(self, taps: Taps, language: Tensor | None = None, laterals: Sequence[Tensor] = ()) -> Tensor:
         """taps of an image (B, 3, H, W), language: (B, text_dim), laterals coarsest first -> (B, out, H, W)."""

@@ -43,7 +43,7 @@ class StreamNet(nn.Module):
         if net.semantic:
             laterals = self.spatial.lateral_widths if net.laterals and self.spatial is not None else ()
             self.semantic = SemanticDecoder(
-                shape.tap_widths, out, config.width, net.skips, net.language, text_dim, laterals
+                shape.tap_widths, out, config.width, net.skips, net.norm, net.language, text_dim, laterals
             )
         if net.fusion != "none":
             self.fusion = StreamFusion(net.fusion, out)

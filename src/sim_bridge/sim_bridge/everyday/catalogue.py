@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from sim_bridge.everyday import clothes, creatures, gadgets, household
+from sim_bridge.everyday import clothes, creatures, gadgets, household, tools
 from sim_bridge.everyday.paints import (
     BLACK,
     BLUE,
@@ -44,8 +44,8 @@ SEEN: dict[str, Parts] = {
     "green and white striped towel": household.towel(GREEN),
     "grey soccer shoe with studs": clothes.shoe(GREY, BLACK, LIME, LIME, studs=LIME),
     "camera": gadgets.camera(),
-    "honey dipper": gadgets.honey_dipper(),
-    "magnifying glass": gadgets.magnifying_glass(GOLD, BLACK),
+    "honey dipper": tools.honey_dipper(),
+    "magnifying glass": tools.magnifying_glass(GOLD, BLACK),
     "penguin figure": creatures.penguin(),
     "game controller": gadgets.game_controller(BLACK),
     "cassette tape": gadgets.cassette(),
@@ -61,15 +61,15 @@ SEEN: dict[str, Parts] = {
     ),
     "red striped mug": household.mug(RED, WHITE),
     "roll of purple tape": household.tape(PURPLE),
-    "red flashlight": gadgets.flashlight(RED, SILVER),
+    "red flashlight": tools.flashlight(RED, SILVER),
     "pig figure": creatures.pig(),
     "teddy bear": creatures.teddy(),
-    "scissors": gadgets.scissors(RED),
+    "scissors": tools.scissors(RED),
     "roll of silver tape": household.tape(SILVER),
-    "spatula with purple head": gadgets.spatula(PURPLE, BLACK),
+    "spatula with purple head": tools.spatula(PURPLE, BLACK),
     "rubber duck": creatures.duck(),
     "yellow school bus": gadgets.school_bus(),
-    "yellow toothbrush": gadgets.toothbrush(YELLOW, WHITE, SKY),
+    "yellow toothbrush": tools.toothbrush(YELLOW, WHITE, SKY),
 }
 
 UNSEEN: dict[str, Parts] = {
@@ -78,7 +78,7 @@ UNSEEN: dict[str, Parts] = {
     "black shoe with green stripes": clothes.shoe(BLACK, WHITE, (60, 200, 80), (60, 200, 80)),
     "brown hat with white band": clothes.hat(BROWN, WHITE),
     "dinosaur figure": creatures.dinosaur(),
-    "hammer": gadgets.hammer(RED),
+    "hammer": tools.hammer(RED),
     "tan boot with blue laces": clothes.boot(TAN, BROWN, BLUE),
     "lion figure": creatures.lion(),
     "cereal box": (
@@ -99,7 +99,7 @@ UNSEEN: dict[str, Parts] = {
     "wooden spoon": household.spoon(WOOD, (166, 120, 72)),
     "red and white striped towel": household.towel(RED),
     "blue cup": household.cup(BLUE, SKY),
-    "screwdriver": gadgets.screwdriver(RED, BLACK),
+    "screwdriver": tools.screwdriver(RED, BLACK),
     "toy train": gadgets.train(),
     "unicorn figure": creatures.unicorn(),
     "white computer mouse": gadgets.computer_mouse(WHITE, GREY, BLACK),

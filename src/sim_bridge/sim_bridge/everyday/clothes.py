@@ -11,18 +11,32 @@ _HALF = 27.0  # of a shoe's width
 
 
 def shoe(
-    upper: Rgb, sole: Rgb, stripes: Rgb, laces: Rgb, toe: Rgb | None = None, studs: Rgb | None = None, inside: Rgb = (70, 66, 64)
+    upper: Rgb,
+    sole: Rgb,
+    stripes: Rgb,
+    laces: Rgb,
+    toe: Rgb | None = None,
+    studs: Rgb | None = None,
+    inside: Rgb = (70, 66, 64),
 ) -> Parts:
     """A low shoe with three slanting stripes on both sides; with studs it is for the lawn."""
     side = ((-70, -18), (62, -18), (66, 0), (40, 8), (4, 26), (-24, 30), (-72, 34))
     body = Prism(upper, side, 2 * _HALF - 4, turn=(90, 0, 0), pieces=((0, 1, 2, 3), (0, 3, 4, 5, 6)))
     cap = Ball(toe or upper, (26, _HALF - 1, 19), at=(52, 0, -12))
-    heel = Ball(upper, (18, _HALF - 2, 40), at=(-60, 0, -8), solid=False)
+    heel = Ball(upper, (16, _HALF - 2, 26), at=(-60, 0, 8), solid=False)
     bands = [
-        Prism(stripes, ((x - 8, -17), (x + 2, -17), (x + 14, 22), (x + 4, 22)), 2 * _HALF - 2.5, turn=(90, 0, 0), solid=False)
+        Prism(
+            stripes,
+            ((x - 8, -17), (x + 2, -17), (x + 14, 22), (x + 4, 22)),
+            2 * _HALF - 2.5,
+            turn=(90, 0, 0),
+            solid=False,
+        )
         for x in (-38, -18, 2)
     ]
-    ties = [Rod(laces, (x, -15, z), (x, 15, z), 3, solid=False) for x, z in ((12, 23.5), (22, 18.5), (32, 13.5), (42, 9))]
+    ties = [
+        Rod(laces, (x, -15, z), (x, 15, z), 3, solid=False) for x, z in ((12, 23.5), (22, 18.5), (32, 13.5), (42, 9))
+    ]
     spikes = [Rod(studs, (x, y, -30), (x, y, -42), 6, 4) for x in (-58, 10, 48) for y in (-15, 15)] if studs else []
     return (
         body,

@@ -37,16 +37,24 @@ def cow() -> Parts:
     patches = [
         Ball(BLACK, size, at=at, solid=False)
         for size, at in (
-            ((20, 20, 16), (14, 12, 20)), ((22, 18, 18), (-28, -14, 18)), ((16, 14, 14), (-40, 16, 2)),
-            ((16, 14, 14), (22, -19, 2)), ((12, 10, 12), (54, 15, 42)),
+            ((20, 20, 16), (14, 12, 20)),
+            ((22, 18, 18), (-28, -14, 18)),
+            ((16, 14, 14), (-40, 16, 2)),
+            ((16, 14, 14), (22, -19, 2)),
+            ((12, 10, 12), (54, 15, 42)),
         )
-    ]  # fmt: skip
+    ]
     horns = [Rod(CREAM, (52, s * 12, 50), (54, s * 20, 66), 5, 2) for s in (-1, 1)]
     udder = Ball(PINK, (13, 13, 10), at=(-22, 0, -18))
     tail = bent(WHITE, ((-54, 0, 16), (-62, 0, 0), (-62, 0, -16)), 3.5)
     return (
-        *four_legged(WHITE, WHITE, PINK, BLACK), *patches, *horns, udder, *tail, *ears(BLACK, (4, 11, 6), (50, 26, 42), -10)
-    )  # fmt: skip
+        *four_legged(WHITE, WHITE, PINK, BLACK),
+        *patches,
+        *horns,
+        udder,
+        *tail,
+        *ears(BLACK, (4, 11, 6), (50, 26, 42), -10),
+    )
 
 
 def pig() -> Parts:
@@ -55,9 +63,13 @@ def pig() -> Parts:
     holes = [Ball(BLACK, (2.5, 2.5, 3.5), at=(92, s * 5, 25), solid=False) for s in (-1, 1)]
     tail = bent((226, 120, 150), ((-54, 0, 16), (-64, 6, 22), (-68, -4, 28), (-62, -6, 32)), 3.5)
     return (
-        Ball(PINK, (54, 34, 32), at=(-4, 0, 6)), *four_legged(PINK, PINK, PINK, (226, 120, 150)), nose, *holes, *tail,
-        *ears((226, 120, 150), (5, 8, 12), (54, 15, 52), 20),
-    )  # fmt: skip
+        Ball(PINK, (54, 34, 32), at=(-4, 0, 6)),
+        *four_legged(PINK, PINK, PINK, (226, 120, 150)),
+        nose,
+        *holes,
+        *tail,
+        *ears((226, 120, 150), (5, 8, 12), (54, 15, 46), 20),
+    )
 
 
 def dog() -> Parts:
@@ -77,9 +89,14 @@ def lion() -> Parts:
     tail = (Rod(sand, (-54, 0, 12), (-76, 0, 34), 4), Ball(mane, (9, 8, 9), at=(-78, 0, 38)))
     nose = Ball(BLACK, (5, 7, 4), at=(86, 0, 30), solid=False)
     return (
-        *four_legged(sand, sand, CREAM, sand)[:-2], *eyes(76, 11, 41), ring, *tail, nose,
-        Ball(sand, (20, 20, 21), at=(62, 0, 32)), *ears(sand, (5, 8, 8), (56, 24, 58), 30),
-    )  # fmt: skip
+        *four_legged(sand, sand, CREAM, sand)[:-2],
+        *eyes(76, 11, 41),
+        ring,
+        *tail,
+        nose,
+        Ball(sand, (20, 20, 21), at=(62, 0, 32)),
+        *ears(sand, (5, 8, 8), (56, 24, 58), 30),
+    )
 
 
 def unicorn() -> Parts:
@@ -121,12 +138,19 @@ def whale() -> Parts:
         Ball(blue, (58, 34, 33), at=(12, 0, 0)),
         Ball(WHITE, (54, 30, 26), at=(16, 0, -9), solid=False),
         Rod(blue, (-24, 0, 2), (-64, 0, 18), 24, 9),
-        Prism(blue, [(-x, y) for x, y in fluke], 9, at=(-70, 0, 20), turn=(0, 180, 0), pieces=((0, 1, 2, 3, 4), (3, 4, 5, 6, 7))),
+        Prism(
+            blue,
+            [(-x, y) for x, y in fluke],
+            9,
+            at=(-70, 0, 20),
+            turn=(0, 180, 0),
+            pieces=((0, 1, 2, 3, 4), (3, 4, 5, 6, 7)),
+        ),
         *fins,
         *eyes(56, 24, 6, 4.5, WHITE),
         *eyes(58, 26, 6, 3),
         Rod(SILVER, (8, 0, 31), (8, 0, 36), 6, solid=False),
-    )  # fmt: skip
+    )
 
 
 def penguin() -> Parts:
@@ -162,9 +186,14 @@ def teddy() -> Parts:
     """A sitting teddy bear with a red bow."""
     fur, light = (164, 106, 60), (222, 180, 128)
     limbs = [Ball(fur, (13, 12, 26), at=(10, s * 33, -4), turn=(s * -28, 20, 0)) for s in (-1, 1)]
-    legs = [part for s in (-1, 1) for part in (
-        Ball(fur, (30, 15, 15), at=(26, s * 21, -42)), Ball(light, (6, 11, 11), at=(52, s * 21, -40), solid=False),
-    )]  # fmt: skip
+    legs = [
+        part
+        for s in (-1, 1)
+        for part in (
+            Ball(fur, (30, 15, 15), at=(26, s * 21, -42)),
+            Ball(light, (6, 11, 11), at=(52, s * 21, -40), solid=False),
+        )
+    ]
     return (
         Ball(fur, (30, 33, 38), at=(0, 0, -20)),
         Ball(light, (22, 24, 28), at=(12, 0, -20), solid=False),
@@ -181,12 +210,22 @@ def teddy() -> Parts:
 
 def robot() -> Parts:
     """A toy robot of boxes."""
-    arms = [part for s in (-1, 1) for part in (
-        Rod(GREY, (0, s * 30, 18), (0, s * 34, -16), 8), block(RED, (14, 12, 14), (0, s * 34, -22)),
-    )]  # fmt: skip
-    legs = [part for s in (-1, 1) for part in (
-        Rod(GREY, (0, s * 13, -32), (0, s * 13, -56), 9), block(BLUE, (38, 22, 14), (5, s * 13, -62)),
-    )]  # fmt: skip
+    arms = [
+        part
+        for s in (-1, 1)
+        for part in (
+            Rod(GREY, (0, s * 30, 18), (0, s * 34, -16), 8),
+            block(RED, (14, 12, 14), (0, s * 34, -22)),
+        )
+    ]
+    legs = [
+        part
+        for s in (-1, 1)
+        for part in (
+            Rod(GREY, (0, s * 13, -32), (0, s * 13, -56), 9),
+            block(BLUE, (38, 22, 14), (5, s * 13, -62)),
+        )
+    ]
     return (
         block(SILVER, (40, 52, 54), (0, 0, -6)),
         block(SILVER, (38, 40, 34), (0, 0, 42)),

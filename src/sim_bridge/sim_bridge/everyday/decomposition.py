@@ -72,12 +72,14 @@ def _tightened(pieces: list[FloatArray], mesh: TriangleMesh) -> list[FloatArray]
     for piece in pieces:
         faces = ConvexHull(piece).equations
         inside = surface[(surface @ faces[:, :3].T + faces[:, 3] <= 1e-6).all(axis=1)]
-        extreme = np.unique(np.argmax(inside @ _DIRECTIONS.T, axis=0)) if len(inside) else []
+        if len(inside) == 0:
+            continue
+        corners = inside[np.unique(np.argmax(inside @ _DIRECTIONS.T, axis=0))]
         try:
-            ConvexHull(inside[extreme])
+            ConvexHull(corners)
         except (QhullError, ValueError):
             continue  # a sliver
-        tight.append(inside[extreme])
+        tight.append(corners)
     return tight
 
 

@@ -7,7 +7,6 @@ from sim_bridge.everyday.paints import BLUE, GREY, SILVER, TAN, WHITE
 from sim_bridge.everyday.primitives import Parts, Point, Primitive, Prism, Rod, Turned, arc, bent, block, round_outline
 
 
-
 def mug(color: Rgb, stripe: Rgb) -> Parts:
     """A mug with level stripes and a handle."""
     colors = (color, stripe, color, stripe, color, stripe, color, color)
@@ -19,7 +18,7 @@ def mug(color: Rgb, stripe: Rgb) -> Parts:
 def cup(color: Rgb, band: Rgb) -> Parts:
     """A tapering cup without a handle."""
     rings = ((27, -48, color), (32, 4, band), (34, 24, color), (38, 48, color))
-    return (Turned(rings, hollow=(34, 70), inside=WHITE),)
+    return (Turned(rings, hollow=(33, 40), inside=WHITE),)
 
 
 def bottle(glass: Rgb, label: Rgb, cap: Rgb) -> Parts:
@@ -39,7 +38,9 @@ def can(upper: Rgb, lower: Rgb, badge: Rgb) -> Parts:
 def milk_carton(color: Rgb, band: Rgb, cap: Rgb) -> Parts:
     """A carton with a gabled top, a cap on its slope and a round emblem on every side."""
     roof = Prism(color, ((-32, 0), (32, 0), (4, 34), (-4, 34)), 64, at=(0, 0, 24), turn=(90, 0, 0))
-    emblems = [Prism(band, round_outline(20, 20), 65.2, at=(0, 0, 0), turn=(90, 0, yaw), solid=False) for yaw in (0, 90)]
+    emblems = [
+        Prism(band, round_outline(20, 20), 65.2, at=(0, 0, 0), turn=(90, 0, yaw), solid=False) for yaw in (0, 90)
+    ]
     return (
         block(color, (64, 64, 96), (0, 0, -24)),
         roof,
@@ -130,7 +131,9 @@ def present(color: Rgb, ribbon: Rgb) -> Parts:
 
 def chocolate_bar(chocolate: Rgb, dark: Rgb, wrapper: Rgb, foil: Rgb) -> Parts:
     """A bar of chocolate half out of its wrapper, its squares seen from both sides."""
-    squares = [block(chocolate, (15.5, 15, 26), (x, y, 0), 2) for x in (13, 31, 49, 67) for y in (-25.5, -8.5, 8.5, 25.5)]
+    squares = [
+        block(chocolate, (15.5, 15, 26), (x, y, 0), 2) for x in (13, 31, 49, 67) for y in (-25.5, -8.5, 8.5, 25.5)
+    ]
     return (
         block(dark, (74, 69, 19), (39, 0, 0)),
         *squares,

@@ -72,8 +72,8 @@ def _from_folder(folder: str) -> ObjectSet:
     missing = [n for n in (*google_names.SEEN, *google_names.UNSEEN) if n not in files]
     if min(len(seen), len(unseen)) < FEWEST:
         raise ObjectFolderError(
-            f"{FOLDER_VARIABLE}={folder} lacks {len(missing)} of the 56 objects ({', '.join(missing[:3])}, ...): name a "
-            "folder with a PLY, or an OBJ and a PNG, of each, or unset it for the project's own objects"
+            f"{FOLDER_VARIABLE}={folder} lacks {len(missing)} of the 56 objects ({', '.join(missing[:3])}, ...): "
+            "name a folder with a PLY, or an OBJ and a PNG, of each, or unset it for the project's own objects"
         )
     kind = "OBJ" if any(path.suffix == ".obj" for path in files.values()) else "PLY"
     count = len(seen) + len(unseen)

@@ -25,6 +25,7 @@ _MM = 0.001
 _ROUND = 28  # sides of what looks round
 _SMALL = 16.0  # a ball with smaller radii needs fewer [mm]
 _THIN = 4.5  # so does a thinner rod [mm]
+_EQUAL_SIZE = 1.03  # of a faceted ball, so that it is as large as the round one
 _FACETS = 12  # sides of it in physics: with flats, so that it does not roll away
 
 
@@ -75,8 +76,8 @@ class Ball(Primitive):
         return ball.transformed(scale=self.radii).colored(self.color)
 
     def _pieces(self) -> list[FloatArray]:
-        rings = [_ring(math.cos(s), math.sin(s), _FACETS) for s in np.radians((-65.0, -25.0, 25.0, 65.0))]
-        return [np.concatenate(rings) * self.radii]
+        rings = [_ring(math.cos(s), math.sin(s), _FACETS) for s in np.radians((-70.0, -25.0, 25.0, 70.0))]
+        return [np.concatenate(rings) * np.array(self.radii) * _EQUAL_SIZE]
 
 
 @dataclass(frozen=True)
@@ -200,9 +201,7 @@ def bent(color: Rgb, points: Sequence[Point], radius: float, solid: bool = True)
     return tuple(Rod(color, a, b, radius, solid=solid) for a, b in pairwise(points))
 
 
-def arc(
-    middle: Point, radius: float, start: float, end: float, plane: str = "xz", steps: int = 6
-) -> tuple[Point, ...]:
+def arc(middle: Point, radius: float, start: float, end: float, plane: str = "xz", steps: int = 6) -> tuple[Point, ...]:
     """Points on an arc in the plane "xy", "xz" or "yz", angles counted from its first axis to its second."""
     points = []
     for angle in np.radians(np.linspace(start, end, steps + 1)):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import lru_cache
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -66,7 +67,7 @@ def square_shape() -> Shape:
 
 def link_beads(world: SimWorld, beads: Sequence[SceneObject]) -> None:
     """Tie each bead's z axis to the next bead's middle: the middles of neighbours stay BEAD_SPACING apart."""
-    for parent, child in zip(beads, beads[1:], strict=False):
+    for parent, child in pairwise(beads):
         link = pybullet.createConstraint(
             parent.body,
             -1,

@@ -35,7 +35,7 @@ def room_in(world: SimWorld, container: Pose, size: tuple[float, float], thing: 
     x, y = (cols - 0.5) * _CELL - size[0] / 2, (rows - 0.5) * _CELL - size[1] / 2
     corners = _box(world, thing)
     yaw = PlanarPose.from_pose(container).yaw
-    clear = np.stack([_least(room, rows, cols, _turned(corners, turn - yaw)) for turn in _TURNS])
+    clear = np.stack([_least(room, _turned(corners, turn - yaw)) for turn in _TURNS])
     cost = np.hypot(x, y) + _TURN_COST * np.abs(_TURNS)[:, None, None]
     best = int(np.argmax(clear))
     for gap in _GAPS:
@@ -61,8 +61,9 @@ def _room(world: SimWorld, container: Pose, size: tuple[float, float], thing: Sc
     return np.asarray(distance, dtype=np.float64) * _CELL
 
 
-def _least(room: FloatArray, rows: npt.NDArray[np.intp], cols: npt.NDArray[np.intp], points: FloatArray) -> FloatArray:
+def _least(room: FloatArray, points: FloatArray) -> FloatArray:
     """(rows, cols) the least room at any of the points (N, 2) [m] about each cell."""
+    rows, cols = np.indices(room.shape)
     least = room.copy()
     for dx, dy in np.rint(points / _CELL).astype(np.intp):
         at = np.clip(rows + dy, 0, room.shape[0] - 1), np.clip(cols + dx, 0, room.shape[1] - 1)

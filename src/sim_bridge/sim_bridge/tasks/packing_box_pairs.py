@@ -45,7 +45,7 @@ class PackingBoxPairs(PackingBoxes):
         """Boxes as large as some of those to pack, in the palette's other colours, as far as there is room."""
         others = [color for color in self.palette if color not in self._colors]
         for _ in range(N_DISTRACTORS):
-            cell, color = cells[rng.integers(len(cells))], others[rng.integers(len(others))]
+            cell, color = cells[int(rng.integers(len(cells)))], others[int(rng.integers(len(others)))]
             try:
                 add_box(world, cell, color, rng)
             except LayoutError:

@@ -82,9 +82,7 @@ class PackingGoogleObjects(GoalTask):
         """See GoalTask; each thing goes where there is room, as near to the container's middle as may be."""
         assert isinstance(goal.metric, ZoneMetric)
         size = goal.metric.size
-        return [
-            (thing, room_in(self.world, goal.targets[0], size, thing)) for thing, _ in super().moves_to_make(goal)
-        ]
+        return [(thing, room_in(self.world, goal.targets[0], size, thing)) for thing, _ in super().moves_to_make(goal)]
 
     def pinches(self, thing: SceneObject) -> list[Pinch]:
         """Those where the palm has room too, if there are any."""

@@ -26,10 +26,11 @@ _TIP = 0.0245  # the fingertips reach at most this far below the top [m]
 _TIP_CLEARANCE = 0.005  # and stay this far above what the thing lies on [m]
 _LEAST_HOLD = 0.009  # height that the fingers must hold [m]
 FARTHEST = 0.025  # that a good pinch is from the centre of mass [m]
-_OFF_CENTRE = 0.010  # distance from the centre of mass that costs as much as jaws on uneven ground [m]
-_OFF_UPPER = 0.020  # so does this distance, along the jaws, from the middle of the upper side [m]
+_OFF_CENTRE = 0.030  # distance from the centre of mass that costs as much as one jaw that meets nothing [m]
+_OFF_UPPER = 0.040  # so does this distance, along the jaws, from the middle of the upper side [m]
+_WIDE = 0.10  # and so does this width [m]
 _APART = math.radians(25.0)  # between two pinches
-_WORST = 1.5  # cost above the best pinch's
+_WORST = 0.7  # cost above the best pinch's
 _MOST = 4
 _NEAREST = 8  # pinches at one yaw that are looked at
 
@@ -68,7 +69,7 @@ def _pinches_at(points: FloatArray, yaw: float, bottom: float, farthest: float) 
     jaws, ways = (cv2.dilate(heights, np.ones((n, 1), dtype=np.uint8))[rows] for n in (_JAW, _WAY))
     limit = levels[rows, cols][:, None]
     first, last, free = _runs(jaws > limit, ways > limit, cols)
-    width, middle = (last - first + 1) * _CELL, ((first + last) / 2 - col_0) * _CELL
+    width, middle = (last - first) * _CELL, ((first + last) / 2 - col_0) * _CELL
     beside = (rows - row_0) * _CELL
     distance = np.hypot(middle, beside)
     free &= (width <= WIDEST_PINCH) & (distance < farthest)
@@ -79,7 +80,8 @@ def _pinches_at(points: FloatArray, yaw: float, bottom: float, farthest: float) 
             jaw = heights[rows[i] - _JAW // 2 : rows[i] + _JAW // 2 + 1] > levels[rows[i], cols[i]]
             upper = np.nonzero(heights > tops[rows[i], cols[i]] - _PAD)[0]
             along_jaws = abs(float(upper.mean()) - rows[i]) * _CELL
-            cost = float(distance[i]) / _OFF_CENTRE + along_jaws / _OFF_UPPER + _unevenness(jaw, run[1], run[2])
+            cost = float(distance[i]) / _OFF_CENTRE + along_jaws / _OFF_UPPER + float(width[i]) / _WIDE
+            cost += _unevenness(jaw, run[1], run[2])
             x, y = middle[i] * c - beside[i] * s, middle[i] * s + beside[i] * c
             found[run] = (cost, Pinch(float(x), float(y), yaw, float(width[i])))
     return list(found.values())

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 _POINTS = 8000  # that stand for what is seen of a thing
 _POINTS_OF_PIECE = 800  # and for a piece of what collides
-_OUTERMOST = 0.06  # from the centre of mass, where nothing nearer can be held [m]
+OUTERMOST = 0.06  # from the centre of mass, where nothing nearer can be held [m]
 _UPRIGHT = 0.98  # vertical part of the body's z axis
 
 
@@ -33,7 +33,7 @@ def pinches_of(world: SimWorld, thing: SceneObject) -> list[Pinch]:
     if thing.shape.pinches and pose.rotation[2, 2] > _UPRIGHT:
         return list(thing.shape.pinches)
     rotation = about_z(-world.planar_pose(thing).yaw) @ pose.rotation
-    return pinches_lying(thing.shape, rotation) or pinches_lying(thing.shape, rotation, farthest=_OUTERMOST)
+    return pinches_lying(thing.shape, rotation) or pinches_lying(thing.shape, rotation, farthest=OUTERMOST)
 
 
 def pinches_lying(shape: Shape, rotation: npt.NDArray[np.float64], farthest: float = FARTHEST) -> list[Pinch]:

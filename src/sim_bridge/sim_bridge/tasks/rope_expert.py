@@ -29,14 +29,14 @@ def next_fold(beads: FloatArray, slots: FloatArray, sentence: str) -> ExpertActi
     slots = min((slots, slots[::-1]), key=lambda s: float(np.linalg.norm(beads - s, axis=1).sum()))
     distance = np.linalg.norm(beads - slots, axis=1)
     along = math.atan2(*(slots[-1] - slots[0])[::-1])
-    ways = []
+    ways: list[tuple[float, int, int, float, float]] = []
     for i in np.argsort(-distance, kind="stable"):
         if distance[i] < _IN_PLACE:
             break
         before, after = beads[max(i - 1, 0)], beads[min(i + 1, len(beads) - 1)]
         tangent = math.atan2(*(after - before)[::-1])
         for tilt in _TILTS:
-            ways.append((_met(beads, i, tangent + math.pi / 2 + tilt), len(ways), i, tangent, tilt))
+            ways.append((_met(beads, i, tangent + math.pi / 2 + tilt), len(ways), int(i), tangent, tilt))
         if min(ways)[0] == 0:
             break
     if not ways:

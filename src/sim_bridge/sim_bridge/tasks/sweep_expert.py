@@ -59,8 +59,8 @@ def on_the_way(things: FloatArray, start: PlanarPose, end: PlanarPose) -> BoolAr
     """Which things (N, 2) [m] the hand meets from start to end."""
     sweep = _Sweeps.between(np.array([[start.x, start.y]]), np.array([[end.x, end.y]]), shifts=(0.0,))
     along, across = sweep.local(things)
-    met: BoolArray = (along > 0.0) & (along < sweep.length[:, None] + HAND_DEPTH / 2) & (abs(across) < HAND_WIDTH / 2)
-    return met.any(axis=0)
+    met = (along > 0.0) & (along < sweep.length[:, None] + HAND_DEPTH / 2) & (abs(across) < HAND_WIDTH / 2)
+    return np.asarray(met.any(axis=0))
 
 
 @dataclass(frozen=True)
