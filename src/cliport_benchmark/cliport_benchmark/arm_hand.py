@@ -16,11 +16,12 @@ from panda_executor.request import Phase, PickPlaceRequest, PickPlaceResult
 from panda_executor.runner import PickPlaceRunner
 from panda_executor.transfer import TransferPlanner
 from sim_bridge.camera import RgbdFrame
-from sim_bridge.panda import READY_POSITIONS
+from sim_bridge.panda import MAX_WIDTH, READY_POSITIONS
 from sim_bridge.world import SimWorld
 
 _NO_LIMIT = 600.0  # [s]
 _HOME_TOLERANCE = 0.02  # [rad]
+_OPEN_FORCE = 20.0  # [N]
 _REST = 0.1  # after an action, before the world is judged to be still [s]
 
 
@@ -34,12 +35,13 @@ class ArmHand:
         self._world = world
         self._observer = observer
         self._motion = SimMotion(world, on_tick)
+        self._gripper = SimGripperPort(self._motion)
         config, model = _executor_config(), PandaModel()
         self._runner = PickPlaceRunner(
             model,
             TransferPlanner(model, config),
             SimArmPort(self._motion),
-            SimGripperPort(self._motion),
+            self._gripper,
             config,
         )
 
@@ -63,7 +65,8 @@ class ArmHand:
             _never,
         )
         away = np.abs(self._world.panda.state().positions - np.array(READY_POSITIONS)).max()
-        if away > _HOME_TOLERANCE:  # the request ended early: clear the camera's view
+        if away > _HOME_TOLERANCE:  # the request ended early: let go and clear the camera's view
+            self._gripper.move(MAX_WIDTH, _OPEN_FORCE, _never)
             self._runner.go_ready()
         self._motion.rest(_REST)
         self._world.settle()
