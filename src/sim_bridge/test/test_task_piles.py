@@ -1,0 +1,88 @@
+"""separating-piles and sweeping-piles: make-up, metric, and an expert that sweeps blocks towards the zone."""
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from cliport_perception import Pose, Primitive
+from sim_bridge.colors import SEEN_PALETTE, UNSEEN_PALETTE
+from sim_bridge.tasks.separating_piles import N_BLOCKS, SeparatingPiles
+from sim_bridge.world import SimWorld
+
+SEEN, UNSEEN = "separating-piles-seen-colors", "separating-piles-unseen-colors"
+
+
+@pytest.fixture(scope="module")
+def world() -> Iterator[SimWorld]:
+    world = SimWorld()
+    yield world
+    world.close()
+
+
+def put(world: SimWorld, task: SeparatingPiles, inside: int, x: float = 0.0) -> None:
+    """That many blocks into the zone, x [m] from its middle; the others far outside."""
+    goal = task.goals[0]
+    for i, block in enumerate(goal.objects):
+        at = Pose.from_xyz_rpy((x if i < inside else 0.3, 0.0, 0.005), (0.0, 0.0, 0.0))
+        world.move_object(block, goal.targets[0] @ at)
+
+
+def test_the_share_of_blocks_inside_counts(world: SimWorld) -> None:
+    task = world.reset(SEEN, "val", 0)
+    assert isinstance(task, SeparatingPiles)
+    for inside, score, done in ((50, 1.0, True), (49, 0.98, False), (25, 0.5, False), (0, 0.0, False)):
+        put(world, task, inside)
+        assert task.score() == pytest.approx(score) and task.done() == done
+    put(world, task, 50, x=0.0798)  # the corner at -5 mm is what counts: 74.8 mm
+    assert task.score() == 1.0
+    put(world, task, 50, x=0.0802)
+    assert task.score() == 0.0
+
+
+@pytest.mark.parametrize(
+    ("name", "split", "palette"),
+    [(SEEN, "test", SEEN_PALETTE), (UNSEEN, "train", SEEN_PALETTE), (UNSEEN, "test", UNSEEN_PALETTE)],
+)
+def test_three_colours_of_the_palette(world: SimWorld, name: str, split: str, palette: tuple[str, ...]) -> None:
+    asked = set()
+    for seed in range(6):
+        task = world.reset(name, split, seed)
+        zones, blocks = task.objects[:2], task.objects[2:]
+        assert len(blocks) == N_BLOCKS and len({b.color for b in blocks}) == 1
+        colors = {zones[0].color, zones[1].color, blocks[0].color}
+        assert len(colors) == 3 and colors <= set(palette)
+        assert np.linalg.norm(world.object_xy(zones[0]) - world.object_xy(zones[1])) >= 0.2
+        named = [z.color for z in zones if f"into the {z.color} square" in task.instruction]
+        assert len(named) == 1 and f"pile of {blocks[0].color} blocks" in task.instruction
+        asked.add(named[0] == zones[0].color)
+    assert asked == {True, False}
+
+
+def test_sweeping_piles_counts_what_is_drawn(world: SimWorld) -> None:
+    task = world.reset("sweeping-piles", "val", 0)
+    assert task.instruction == "push the pile of blocks into the green square" and len(task.objects) == 1 + N_BLOCKS
+    put(world, task, 50, x=0.064)  # type: ignore[arg-type]
+    assert task.score() == 1.0
+    put(world, task, 50, x=0.066)  # type: ignore[arg-type]
+    assert task.score() == 0.0
+
+
+def test_the_expert_sweeps_blocks_into_the_zone(world: SimWorld) -> None:
+    for seed in range(4):
+        task = world.reset(SEEN, "val", seed)
+        action = task.expert_action()
+        assert action is not None and action.primitive is Primitive.SWEEP
+        spec = world.config.workspace
+        assert spec.contains_xy(action.pick.x, action.pick.y) and spec.contains_xy(action.place.x, action.place.y)
+        choice = task.judge(action.pick, action.place)
+        assert choice.pick_right and choice.picked.endswith("block")
+
+
+def test_the_same_seed_is_the_same_pile(world: SimWorld) -> None:
+    def where() -> list[list[float]]:
+        return [world.object_pose(o).translation.tolist() for o in world.reset(SEEN, "val", 3).objects]
+
+    first = where()
+    world.reset(SEEN, "val", 4)
+    assert where() == first

@@ -1,0 +1,82 @@
+"""align-rope and manipulating-rope: sides, slots, metric, and an expert that brings beads nearer."""
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from cliport_perception import Pose, Primitive
+from sim_bridge.objects.rope import BEAD_SPACING, ROPE_BEADS
+from sim_bridge.tasks.align_rope import SIDES, AlignRope
+from sim_bridge.world import SimWorld
+
+
+@pytest.fixture(scope="module")
+def world() -> Iterator[SimWorld]:
+    world = SimWorld()
+    yield world
+    world.close()
+
+
+def scene(world: SimWorld, seed: int, name: str = "align-rope") -> AlignRope:
+    task = world.reset(name, "val", seed)
+    assert isinstance(task, AlignRope)
+    return task
+
+
+def lay(world: SimWorld, task: AlignRope, order: list[int], off: float = 0.0) -> None:
+    """Bead i into slot order[i], `off` metres beside the side."""
+    slots = np.array([target.translation for target in task.goals[0].targets])
+    along = (slots[-1] - slots[0]) / np.linalg.norm(slots[-1] - slots[0])
+    beside = np.array([-along[1], along[0], 0.0]) * off + (0.0, 0.0, 0.005)
+    for bead, slot in zip(task.beads, order, strict=True):
+        world.move_object(bead, Pose(np.eye(3), slots[slot] + beside))
+
+
+def test_the_rope_counts_from_either_end_bead_by_bead(world: SimWorld) -> None:
+    task = scene(world, 0)
+    straight = list(range(ROPE_BEADS))
+    for order in (straight, straight[::-1]):
+        lay(world, task, order)
+        assert task.score() == 1.0 and task.done() and task.expert_action() is None
+    lay(world, task, straight, off=0.0199)
+    assert task.score() == 1.0
+    lay(world, task, straight, off=0.0201)
+    assert task.score() == 0.0
+    lay(world, task, straight)
+    for bead in task.beads[:10]:
+        world.move_object(bead, Pose.from_xyz_rpy((0.3, 0.39, 0.005), (0, 0, 0)))
+    assert task.score() == 0.5 and not task.done()
+    lay(world, task, straight[5:] + straight[:5])  # the wrong order
+    assert task.score() < 0.5
+
+
+def test_neighbours_hang_together_and_the_ends_are_white(world: SimWorld) -> None:
+    for seed in range(3):
+        task = scene(world, seed)
+        at = np.array([world.object_pose(bead).translation for bead in task.beads])
+        np.testing.assert_allclose(np.linalg.norm(np.diff(at, axis=0), axis=1), BEAD_SPACING, atol=2e-3)
+        assert [bead.color for bead in task.beads] == ["white", *["red"] * 18, "white"]
+        assert (at[:, 2] < 0.03).all()
+
+
+def test_every_side_is_asked_for_and_the_demo_task_asks_for_the_missing_one(world: SimWorld) -> None:
+    sentences = {scene(world, seed).instruction for seed in range(16)}
+    assert sentences == {f"align the rope from {words}" for _, _, words in SIDES}
+    task = scene(world, 0, "manipulating-rope")
+    assert task.instruction == "manipulate the rope to complete the square" and task.max_steps == 20
+
+
+def test_the_same_seed_is_the_same_rope(world: SimWorld) -> None:
+    first = [world.object_pose(bead).translation for bead in scene(world, 5).beads]
+    scene(world, 6)
+    again = [world.object_pose(bead).translation for bead in scene(world, 5).beads]
+    np.testing.assert_array_equal(first, again)
+
+
+def test_the_expert_folds_a_bead_to_a_slot(world: SimWorld) -> None:
+    task = scene(world, 1)
+    action = task.expert_action()
+    assert action is not None and action.primitive is Primitive.FOLD
+    choice = task.judge(action.pick, action.place)
+    assert choice.picked.endswith("bead") and choice.place_right
