@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import torch
@@ -63,7 +64,7 @@ class StreamNet(nn.Module):
         return self.fusion(spatial.map, self._decode(taps, language, spatial.laterals, dtype))
 
     def _decode(
-        self, taps: Taps | None, language: Tensor | None, laterals: list[Tensor] | tuple[()], dtype: torch.dtype
+        self, taps: Taps | None, language: Tensor | None, laterals: Sequence[Tensor], dtype: torch.dtype
     ) -> Tensor:
         assert self.semantic is not None and taps is not None
         return self.semantic([tap.to(dtype) for tap in taps], language, laterals)

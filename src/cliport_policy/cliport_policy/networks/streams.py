@@ -117,9 +117,8 @@ class StreamsNetwork(PolicyNetwork):
             query = query + self._run("place_goal", self._crops(after, pick, -angles), _repeated(goal.language, n))
             key = key + self._run("place_goal", _pad(after, *size), goal.language)
         scores = correlate_inside(key.float(), query.float().reshape(batch, n, *query.shape[1:]))
-        return (
-            scores[..., :height, :width] / self.config.crop_pixels**2
-        )  # a mean: near uniform where nothing is learned
+        # A mean over the window, so that the place is near uniform where nothing is learned yet.
+        return scores[..., :height, :width] / self.config.crop_pixels**2
 
     def _scene(self, name: str, images: Tensor, goal: Goal) -> Tensor:
         scene = unscaled(images)
