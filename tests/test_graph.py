@@ -1,6 +1,5 @@
 """The whole graph, end to end: real processes, real DDS, real physics. Each fault ends in one clear line."""
 
-import itertools
 import json
 import os
 import signal
@@ -10,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from graph_probe import STILL, GraphProbe
+from ros_domain import next_domain
 
 from cliport_benchmark.graph_process import GraphProcess
 from cliport_interfaces.action import PickPlace
@@ -18,14 +18,13 @@ from cliport_interfaces.msg import PolicyStatus
 TASK = "put-blocks-in-bowls-seen-colors"
 SPEED = "2.0"  # simulated seconds a second
 FAILED, DONE, EXECUTING = PolicyStatus.STATE_FAILED, PolicyStatus.STATE_DONE, PolicyStatus.STATE_EXECUTING
-_domains = itertools.count(60 + os.getpid() % 20)
 
 
 @pytest.fixture(scope="module")
 def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[GraphProcess, GraphProbe, Path]]:
     """One graph for the tests of this module, its client, and the log of what was sent to the controller."""
     folder = tmp_path_factory.mktemp("graph")
-    domain = next(_domains)
+    domain = next_domain()
     log = folder / "trajectories.jsonl"
     arguments = {
         "task": TASK,
@@ -192,7 +191,7 @@ def test_a_corrupt_checkpoint_is_one_line(tmp_path: Path) -> None:
     broken = tmp_path / "broken.safetensors"
     broken.write_bytes(b"not a checkpoint")
     (tmp_path / "broken.json").write_text("{")
-    environment = {"ROS_DOMAIN_ID": str(next(_domains))}
+    environment = {"ROS_DOMAIN_ID": str(next_domain())}
     with GraphProcess("policy.launch.yaml", {"checkpoint": str(broken)}, tmp_path / "log", environment) as graph:
         deadline = time.monotonic() + 30
         while "error:" not in graph.log_text() and time.monotonic() < deadline:

@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from ros_domain import next_domain
 
 ROS2 = shutil.which("ros2") or str(Path(__file__).parents[1] / "tools/ros2/bin/ros2")
 TIMEOUT = 20.0  # s, for what takes 1 or 2
@@ -90,8 +91,7 @@ def environment(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     return {
         **os.environ,
         "AMENT_PREFIX_PATH": f"{prefix}{os.pathsep}{os.environ.get('AMENT_PREFIX_PATH', '')}",
-        "ROS_DOMAIN_ID": str(1 + os.getpid() % 19),
-        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+        "ROS_DOMAIN_ID": str(next_domain()),
         "ROS_LOG_DIR": str(prefix / "log"),
         "PYTHONUNBUFFERED": "1",
     }

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -19,6 +18,7 @@ from rclpy.action import CancelResponse
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import DurabilityPolicy, QoSProfile
+from ros_domain import next_domain
 from sensor_msgs.msg import Image
 from std_msgs.msg import Empty, String
 from std_srvs.srv import Trigger
@@ -169,11 +169,11 @@ class Graph:
         self.until(lambda: self.running == 0)
         time.sleep(0.2)  # results are on their way
         self.server.close()
-        rclpy.try_shutdown()
-        self.thread.join(2.0)
         self.executor.shutdown(timeout_sec=2.0)
+        self.thread.join(2.0)
         self.person.destroy_node()
         self.server.destroy_node()
+        rclpy.try_shutdown()
 
 
 @pytest.fixture
@@ -181,11 +181,10 @@ def graph(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., Graph]]:
     made: list[Graph] = []
 
     def make(steps: int = 2, **parameters: object) -> Graph:
-        os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
         arguments = [v for k, value in parameters.items() for v in ("-p", f"{k}:={value}")]
         rclpy.init(
             args=["--ros-args", *arguments] if arguments else None,
-            domain_id=int(os.environ.get("ROS_DOMAIN_ID", "0")) or 44,
+            domain_id=next_domain(),
         )
         made.append(Graph(FakePolicy(steps), monkeypatch))
         return made[-1]

@@ -20,6 +20,7 @@ from rclpy.executors import MultiThreadedExecutor
 from rclpy.node import Node
 from rclpy.task import Future
 from ros_clouds import raw_cloud
+from ros_domain import next_domain
 from sensor_msgs.msg import JointState, PointCloud2
 from std_srvs.srv import Trigger
 
@@ -32,8 +33,8 @@ from panda_executor.limits import READY_POSITIONS
 from panda_executor.ports import MotionStatus
 from panda_executor.request import Outcome, PickPlaceRequest, PickPlaceResult
 
-DOMAIN = 80 + os.getpid() % 15
-ENVIRONMENT = os.environ | {"ROS_DOMAIN_ID": str(DOMAIN), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+DOMAIN = next_domain()
+ENVIRONMENT = os.environ | {"ROS_DOMAIN_ID": str(DOMAIN)}
 PICK, PLACE = PlanarPose(0.45, 0.1, 0.3), PlanarPose(0.5, -0.2, 0.3)
 
 
@@ -65,7 +66,6 @@ class Graph:
     """A node beside the executor."""
 
     def __init__(self) -> None:
-        os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
         rclpy.init(domain_id=DOMAIN)
         self.node = Node("tester")
         self.executor = MultiThreadedExecutor(num_threads=3)

@@ -11,9 +11,7 @@ import time
 
 import numpy as np
 import pytest
-
-os.environ.setdefault("ROS_DOMAIN_ID", str(1 + os.getpid() % 100))
-os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+from ros_domain import next_domain
 
 rclpy = pytest.importorskip("rclpy", exc_type=ImportError)
 pytest.importorskip("cliport_interfaces", exc_type=ImportError)
@@ -37,6 +35,8 @@ from trajectory_msgs.msg import JointTrajectoryPoint
 from cliport_interfaces.srv import GetScore, ResetTask
 from sim_bridge.conversions import image_from_msg, time_from_msg
 
+DOMAIN = next_domain()
+ENVIRONMENT = os.environ | {"ROS_DOMAIN_ID": str(DOMAIN)}
 COMMAND = [sys.executable, "-m", "sim_bridge.node"]
 JOINTS = [f"panda_joint{i}" for i in range(1, 8)]
 TASK = "put-blocks-in-bowls-seen-colors"
@@ -44,7 +44,11 @@ TASK = "put-blocks-in-bowls-seen-colors"
 
 def start_node(*arguments):
     return subprocess.Popen(
-        [*COMMAND, "--ros-args", *arguments], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+        [*COMMAND, "--ros-args", *arguments],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        env=ENVIRONMENT,
     )
 
 
@@ -52,7 +56,7 @@ class Client:
     """Subscribes to all that the simulator publishes and calls what it serves."""
 
     def __init__(self):
-        rclpy.init(signal_handler_options=rclpy.signals.SignalHandlerOptions.NO)
+        rclpy.init(domain_id=DOMAIN, signal_handler_options=rclpy.signals.SignalHandlerOptions.NO)
         self.node = rclpy.create_node("tester")
         self.seen = {}
         self.joints = []

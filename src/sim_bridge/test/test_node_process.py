@@ -6,17 +6,18 @@ import subprocess
 import sys
 
 import pytest
-
-os.environ.setdefault("ROS_DOMAIN_ID", str(1 + os.getpid() % 100))
-os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+from ros_domain import next_domain
 
 for package in ("rclpy", "cliport_interfaces", "control_msgs"):
     pytest.importorskip(package, exc_type=ImportError)
 
 
+ENVIRONMENT = os.environ | {"ROS_DOMAIN_ID": str(next_domain())}
+
+
 def start_node(*arguments):
     command = [sys.executable, "-m", "sim_bridge.node", "--ros-args", *arguments]
-    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=ENVIRONMENT)
 
 
 @pytest.mark.parametrize(
