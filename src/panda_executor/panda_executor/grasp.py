@@ -29,8 +29,8 @@ class GraspConfig(JawConfig):
     opened fingers beside it; finger_height: how far below its top an object is looked at; min_height: what
     rises less above the table is flat; seed_reach: how far the object may be from the pick; feature_reach: how
     far a narrow feature; preference: the object as a whole is taken although a feature is so much nearer to
-    the pick; longest: what is longer across the jaws is held where the pick is; farthest: a grasp is so far
-    from the pick at most.
+    the pick; narrow: a feature less wide than this share of the whole is what is meant; longest: what is longer
+    across the jaws is held where the pick is; farthest: a grasp is so far from the pick at most.
     """
 
     pixels: int = 96
@@ -39,6 +39,7 @@ class GraspConfig(JawConfig):
     seed_reach: float = 0.02
     feature_reach: float = 0.01
     preference: float = 0.006
+    narrow: float = 0.5
     longest: float = 0.12
     farthest: float = 0.04
 
@@ -130,19 +131,22 @@ def plan_grasps(
     distance = np.hypot(cells.x - pick.x, cells.y - pick.y)
     if not (cells.seen & (distance < config.farthest)).any():
         raise GraspError(f"no depth was seen around {where}; is the view blocked?")
-    seen = find_object(cells, pick, table_z, config.finger_height, config.min_height, config.seed_reach)
-    lowest = max(seen.top - config.finger_height, table_z + config.min_height / 2.0)
-    graspable = GroundCells.around(near, workspace, pick.x, pick.y, config.pixels, (lowest, seen.top + 0.01))
-    height = float(graspable.mean[seen.upper & graspable.seen].mean())
-    grasps, problems = [], []
-    for yaw in (pick.yaw, pick.yaw + math.pi / 2.0):
-        jaws = Jaws(cells, pick.x, pick.y, yaw, seen.support_z, table_z, config)
-        holds, problem = _holds(jaws, seen, height, config, where)
-        grasps += [_grasp(cells, seen, hold, pick, yaw, height) for hold in holds]
-        problems.append(problem)
-    if not grasps:
-        raise GraspError(problems[0])
-    return grasps
+    grasps: list[Grasp] = []
+    problems: list[str] = []
+    # What steps divide may still be one: where a part of it gives no grasp, all that is connected may.
+    for divided in (True, False):
+        seen = find_object(cells, pick, table_z, config.finger_height, config.min_height, config.seed_reach, divided)
+        lowest = max(seen.top - config.finger_height, table_z + config.min_height / 2.0)
+        graspable = GroundCells.around(near, workspace, pick.x, pick.y, config.pixels, (lowest, seen.top + 0.01))
+        height = float(graspable.mean[seen.upper & graspable.seen].mean())
+        for yaw in (pick.yaw, pick.yaw + math.pi / 2.0):
+            jaws = Jaws(cells, pick.x, pick.y, yaw, seen.support_z, table_z, config)
+            holds, problem = _holds(jaws, seen, height, config, where)
+            grasps += [_grasp(cells, seen, hold, pick, yaw, height) for hold in holds]
+            problems.append(problem)
+        if grasps:
+            return grasps
+    raise GraspError(problems[0])
 
 
 def _holds(jaws: Jaws, seen: SeenObject, height: float, config: GraspConfig, where: str) -> tuple[list[Hold], str]:
@@ -162,7 +166,11 @@ def _holds(jaws: Jaws, seen: SeenObject, height: float, config: GraspConfig, whe
         off = abs(whole.across) > config.seed_reach or float(np.ptp(jaws.across[seen.whole])) > config.longest
         if not off and _is_same(whole, feature):
             holds = [whole]
-        elif off or abs(whole.middle) > abs(feature.middle) + config.preference:
+        elif (
+            off
+            or feature.width < config.narrow * whole.width
+            or abs(whole.middle) > abs(feature.middle) + config.preference
+        ):
             holds = [feature, whole]
     near = [hold for hold in holds if hold is not None and math.hypot(hold.middle, hold.across) <= config.farthest]
     return near, problem or f"the middle of the object is more than {config.farthest * 1000:.0f} mm from {where}"

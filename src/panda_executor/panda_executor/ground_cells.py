@@ -15,6 +15,7 @@ BoolArray = npt.NDArray[np.bool_]
 IntArray = npt.NDArray[np.int32]
 
 STEP = 0.007  # neighbouring heights that differ more are not one surface; above the noise [m]
+LEVEL = 0.0025  # heights that differ less are one level, as far as the noise lets tell [m]
 _SQUARE = np.ones((3, 3), dtype=bool)
 
 
@@ -103,7 +104,7 @@ class GroundCells:
             for ahead, behind in ((1, 1), (1, 2), (2, 1)):
                 y, x, back_y, back_x = 2 + ahead * dy, 2 + ahead * dx, 2 - behind * dy, 2 - behind * dx
                 difference = top[y : y + n, x : x + m] - top[back_y : back_y + n, back_x : back_x + m]
-                bridges |= np.abs(difference) < STEP  # NaN compares false
+                bridges |= np.abs(difference) < (STEP if ahead == behind else LEVEL)  # NaN compares false
         return bridges
 
     def component(self, mask: BoolArray, x: float, y: float, reach: float) -> BoolArray | None:

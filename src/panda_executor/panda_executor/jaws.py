@@ -150,12 +150,14 @@ class Jaws:
             self._floor + _NOISE,
         )
         widest = MAX_OPENING - 2.0 * config.slack
-        narrowest = math.inf
+        narrowest, highest_beside = math.inf, -math.inf
         for tips in np.append(np.arange(lowest, highest, _RISE), max(lowest, highest)):
             cells = touched(float(tips))
             middle, width = self._span(cells)
             narrowest = min(narrowest, width)
-            if width > widest or tips + _FINGER_LENGTH < self._under_palm(middle, across) + config.palm_clearance:
+            beside = self._under_palm(middle, across)
+            if width > widest or tips + _FINGER_LENGTH < beside + config.palm_clearance:
+                highest_beside = max(highest_beside, beside)
                 continue
             mine = own if own is not None else ndimage.binary_dilation(cells, structure=_SQUARE)
             opening = self._opening(mine, middle, across, width, float(tips))
@@ -165,6 +167,11 @@ class Jaws:
             raise GraspError(
                 f"the object at {where} is {narrowest * 1000:.0f} mm wide between the fingers, "
                 f"{widest * 1000:.0f} mm is the most that can be held"
+            )
+        if highest_beside + config.palm_clearance > highest + _FINGER_LENGTH:
+            raise GraspError(
+                f"what stands within {HAND_HALF_LENGTH * 1000:.0f} mm of the object at {where} is "
+                f"{(highest_beside - top) * 1000:.0f} mm higher than it and in the way of the hand"
             )
         raise GraspError(f"there is no room for the fingers beside the object at {where}")
 

@@ -9,13 +9,12 @@ from scipy import ndimage
 
 from cliport_perception.pose import PlanarPose
 from panda_executor.errors import GraspError
-from panda_executor.ground_cells import STEP, BoolArray, GroundCells, IntArray
+from panda_executor.ground_cells import LEVEL, STEP, BoolArray, GroundCells, IntArray
 from panda_executor.limits import FloatArray
 
 _FEWEST = 4  # cells of an object
-_PEG = 1.3e-4  # what is smaller and stands in a hole is a peg [m^2]; a rope's bead is larger
+_PEG = 1.9e-4  # what is smaller and stands in a hole is a peg [m^2]; a rope's bead is larger
 _NEAR_TOP = 0.015  # the object's top is taken this near to the pick [m]
-_LEVEL = 0.0025  # heights that differ less are one surface [m]
 _LEVEL_SHARE = 0.3  # of what is seen around an object, for a surface on which it stands
 _LOW = 0.012  # a surface no higher above the table is a base, a kit or a box's floor [m]
 _STACKED = 0.35  # an object that covers less of what it stands on is a part of that, as a handle is
@@ -43,19 +42,21 @@ def find_object(
     finger_height: float,
     min_height: float,
     reach: float,
+    divided: bool = True,
 ) -> SeenObject:
-    """The object at the pick: connected without a step, and around the pick where that is in a hole.
+    """The object at the pick, and around the pick where that is in a hole.
 
     Args:
         finger_height: how far below its top an object is looked at [m]; min_height: what rises less above
-            the table is flat [m]; reach: how far the object may be from the pick [m].
+            the table is flat [m]; reach: how far the object may be from the pick [m];
+            divided: whether a step parts objects.
 
     Raises:
         GraspError: when nothing stands there.
     """
     where = f"the pick ({pick.x:.3f}, {pick.y:.3f}) m"
     raised = cells.seen & (np.nan_to_num(cells.top, nan=-1.0) > table_z + min_height)
-    labels = cells.parts(raised & ~_feet(cells))
+    labels = cells.parts(raised & ~_feet(cells) if divided else raised)
     labels[np.bincount(labels.ravel())[labels] < _FEWEST] = 0
     distance = np.hypot(cells.x - pick.x, cells.y - pick.y)
     label = _label_at(labels, distance, reach, cells.cell)
@@ -135,13 +136,13 @@ def _level_beside(cells: GroundCells, filled: BoolArray, top: float, table_z: fl
     if len(heights) < 8:
         return table_z
     # how many of the heights lie within the one surface that begins with each of them
-    ends = np.searchsorted(-heights, -(heights - 2.0 * _LEVEL), side="right")
+    ends = np.searchsorted(-heights, -(heights - 2.0 * LEVEL), side="right")
     full = np.flatnonzero(ends - np.arange(len(heights)) >= _LEVEL_SHARE * len(heights))
     if not len(full):
         return None
     first = int(full[0])
     level = float(np.median(heights[first : ends[first]]))
-    return level if level > table_z + _LEVEL else table_z
+    return level if level > table_z + LEVEL else table_z
 
 
 def _lowest_around(cells: GroundCells, filled: BoolArray, table_z: float) -> float:
@@ -150,12 +151,12 @@ def _lowest_around(cells: GroundCells, filled: BoolArray, table_z: float) -> flo
     if heights.size < 10:
         return table_z
     level = float(np.percentile(heights, 20.0))
-    return level if level > table_z + 2.0 * _LEVEL else table_z
+    return level if level > table_z + 2.0 * LEVEL else table_z
 
 
 def _ledge(cells: GroundCells, filled: BoolArray, level: float) -> BoolArray:
     """The level surface around the object."""
-    flat = cells.seen & ~filled & (np.abs(np.nan_to_num(cells.top, nan=-1.0) - level) < 2.0 * _LEVEL)
+    flat = cells.seen & ~filled & (np.abs(np.nan_to_num(cells.top, nan=-1.0) - level) < 2.0 * LEVEL)
     labels = cells.parts(flat)
     touching = np.unique(labels[_ring(filled, 0, 3)])
     ledge: BoolArray = np.isin(labels, touching[touching > 0])

@@ -103,3 +103,56 @@ def cloud_of(
         cloud = cloud + rays * random.normal(0.0, noise, (len(cloud), 1))
     holes = np.full((len(cloud) // 20, 3), np.nan)
     return np.concatenate([cloud, holes]).astype(np.float32)
+
+
+def ring_points(
+    x: float, y: float, z: float, outer: float, hole: float = 0.015, height: float = 0.02, spacing: float = 0.0015
+) -> npt.NDArray[np.float64]:
+    """A ring of radii `outer` and `hole` [m] standing on z: its top and both walls. A hole of 0 makes a peg."""
+    points = []
+    for radius in np.arange(hole, outer + 1e-9, spacing):
+        angle = np.arange(0.0, 2 * np.pi, spacing / max(radius, spacing))
+        circle = np.stack([x + radius * np.cos(angle), y + radius * np.sin(angle)], -1)
+        walls = [0.0] if spacing / 2 < radius - hole and radius < outer - spacing else np.arange(0.0, height, spacing)
+        points += [np.column_stack([circle, np.full(len(circle), z + height - depth)]) for depth in walls]
+    return np.concatenate(points)
+
+
+def ball_points(x: float, y: float, z: float, radius: float = 0.0075) -> npt.NDArray[np.float64]:
+    """A ball about (x, y, z)."""
+    steps = np.arange(400) + 0.5
+    height, turn = 1.0 - steps / 200.0, np.pi * (1.0 + np.sqrt(5.0)) * steps
+    flat = np.sqrt(1.0 - height**2)
+    return np.array([x, y, z]) + radius * np.stack([flat * np.cos(turn), flat * np.sin(turn), height], -1)
+
+
+def container_points(x: float, y: float, width: float, depth: float, yaw: float = 0.0) -> npt.NDArray[np.float64]:
+    """An open box of outer size width x depth [m], 50 mm tall, of 2 mm sheets."""
+    c, s = np.cos(yaw), np.sin(yaw)
+    sheets = [
+        (0.0, 0.0, width, depth, 0.002),
+        (-width / 2, 0.0, 0.002, depth, 0.05),
+        (width / 2, 0.0, 0.002, depth, 0.05),
+        (0.0, -depth / 2, width, 0.002, 0.05),
+        (0.0, depth / 2, width, 0.002, 0.05),
+    ]
+    cubes = [Cube(x + c * dx - s * dy, y + s * dx + c * dy, yaw, (w, d, h)) for dx, dy, w, d, h in sheets]
+    return np.concatenate([cube_points(cube) for cube in cubes])
+
+
+def seen_cloud(*things: npt.NDArray[np.float64], noise: float = 0.001, seed: int = 0) -> npt.NDArray[np.float32]:
+    """Things (N, 3) on a table without what is hidden from the camera, with depth noise [m] and some NaN."""
+    cloud = np.concatenate([table_points(0.002), *things])
+    rays = cloud - CAMERA
+    distance = np.linalg.norm(rays, axis=1)
+    rays /= distance[:, None]
+    # one of these pixels is wider than the points are apart
+    pixel = np.floor(np.stack([rays[:, 0] / -rays[:, 2], rays[:, 1] / -rays[:, 2]], -1) / 0.003).astype(np.int64)
+    _, index = np.unique(pixel, axis=0, return_inverse=True)
+    nearest = np.full(index.max() + 1, np.inf)
+    np.minimum.at(nearest, index.ravel(), distance)
+    visible = distance < nearest[index.ravel()] + 0.004
+    random = np.random.default_rng(seed)
+    cloud = (cloud + rays * random.normal(0.0, noise, (len(cloud), 1)))[visible]
+    holes = np.full((len(cloud) // 20, 3), np.nan)
+    return np.concatenate([cloud, holes]).astype(np.float32)

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from synthetic_clouds import Bowl, Cube, cloud_of
+from synthetic_clouds import Bowl, Cube, cloud_of, container_points, cube_points, ring_points, seen_cloud
 
 from cliport_perception.pose import PlanarPose
 from cliport_perception.workspace import WorkspaceSpec
@@ -58,3 +58,64 @@ def test_the_object_falls_a_bowls_depth_at_most(grasp: Grasp, workspace: Workspa
     underside = placement.tcp_z - (grasp.tcp_z - grasp.support_z)
     assert placement.support_z == pytest.approx(bowl.floor, abs=0.002)
     assert placement.support_z < underside < bowl.height + 0.005
+
+
+def held_box(size: tuple[float, float, float], yaw: float, workspace: WorkspaceSpec) -> Grasp:
+    """A box at (0.45, 0.15) between fingers that close at `yaw`."""
+    cloud = seen_cloud(cube_points(Cube(0.45, 0.15, size=size)))
+    return plan_grasps(cloud, PlanarPose(0.45, 0.15, yaw), workspace)[0]
+
+
+@pytest.mark.parametrize("yaw", [0.0, 0.5, -1.2])
+def test_a_flat_thing_is_let_go_on_a_containers_floor(workspace: WorkspaceSpec, yaw: float) -> None:
+    grasp = held_box((0.04, 0.06, 0.02), 0.0, workspace)
+    cloud = seen_cloud(container_points(0.45, -0.2, 0.14, 0.12, yaw))
+    placement = plan_placement(cloud, PlanarPose(0.45, -0.2, yaw), yaw, grasp, workspace)
+    assert placement.support_z < 0.006
+    assert placement.fall == 0.0
+    assert grasp.width + 0.01 < placement.opening
+
+
+@pytest.mark.parametrize("yaw", [0.0, 0.5, -1.2])
+def test_between_walls_without_room_the_fingers_stay_above_them(workspace: WorkspaceSpec, yaw: float) -> None:
+    grasp = held_box((0.07, 0.1, 0.05), 0.0, workspace)
+    cloud = seen_cloud(container_points(0.45, -0.2, 0.092, 0.122, yaw))  # 10 mm to each wall
+    place = PlanarPose(0.45, -0.2, yaw)
+    placement = plan_placement(cloud, place, yaw, grasp, workspace)
+    tips = placement.tcp_z - FINGERTIP_BELOW_TCP
+    assert 0.05 + 0.002 < tips < 0.05 + 0.01
+    assert placement.fall > 0.01
+    higher = grasp.raised(placement.fall)
+    again = plan_placement(cloud, place, yaw, higher, workspace)
+    assert again.tcp_z == pytest.approx(placement.tcp_z)
+    assert again.fall == pytest.approx(placement.fall - (higher.tcp_z - grasp.tcp_z))
+    assert again.fall < 0.012  # held by its uppermost part, it falls less far
+
+
+def test_fingers_that_open_less_go_lower(workspace: WorkspaceSpec) -> None:
+    grasp = held_box((0.04, 0.04, 0.02), 0.0, workspace)
+    place = PlanarPose(0.45, -0.2, 0.0)
+    neighbours = [Cube(0.45 + side * (0.02 + 0.029 + 0.015), -0.2, size=(0.03, 0.03, 0.02)) for side in (-1, 1)]
+    placement = plan_placement(seen_cloud(*map(cube_points, neighbours)), place, 0.0, grasp, workspace)
+    assert placement.fall == 0.0
+    assert placement.opening < grasp.width + CONFIG.margins[0]
+
+
+def test_a_neighbour_in_the_row_lifts_nothing(workspace: WorkspaceSpec) -> None:
+    grasp = held_box((0.04, 0.04, 0.04), math.pi / 2, workspace)
+    row = [Cube(0.45 + dx, -0.2) for dx in (-0.05, 0.05)]  # 10 mm beside; the jaws close across the row
+    place = PlanarPose(0.45, -0.2, math.pi / 2)
+    placement = plan_placement(seen_cloud(*map(cube_points, row)), place, math.pi / 2, grasp, workspace)
+    assert placement.support_z < 0.004
+    assert placement.fall == 0.0
+
+
+def test_a_ring_goes_over_a_peg(workspace: WorkspaceSpec) -> None:
+    cloud = seen_cloud(ring_points(0.45, 0.15, 0.0, 0.03))
+    grasp = plan_grasps(cloud, PlanarPose(0.45, 0.15, 0.0), workspace)[0]
+    peg = ring_points(0.45, -0.2, 0.0, 0.005, 0.0, 0.03)
+    placement = plan_placement(seen_cloud(peg), PlanarPose(0.45, -0.2, 0.4), 0.4, grasp, workspace)
+    assert placement.support_z < 0.004  # not on the peg's top
+    held = grasp.held()
+    assert np.hypot(*held.surface()[:, :2].T).min() > 0.01  # and the checks leave the hole free
+    assert np.hypot(*held.surface()[:, :2].T).max() == pytest.approx(0.028, abs=0.003)

@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from synthetic_clouds import Bowl, Cube, cloud_of
+from synthetic_clouds import Bowl, Cube, cloud_of, container_points, cube_points, ring_points, seen_cloud
 
 from cliport_perception.pose import PlanarPose
 from cliport_perception.primitive import Primitive
@@ -172,6 +172,33 @@ def test_a_bowl_is_not_touched_wherever_the_object_goes_in(
         for positions in motion.trajectory.positions:
             assert not bowl.hits(planner.model.tcp_pose(positions).apply(motion.scene.hand.points)).any()
     assert planner.model.tcp_pose(plan.lower.trajectory.end).translation[2] < 0.09  # not let fall from on high
+
+
+def test_a_ring_goes_from_peg_to_peg(planner: TransferPlanner, workspace: WorkspaceSpec) -> None:
+    x, pegs = 0.45, (-0.12, 0.0, 0.12)
+    things = [cube_points(Cube(x, y, size=(0.12, 0.12, 0.01))) for y in pegs]
+    things += [ring_points(x, y, 0.01, 0.005, 0.0, 0.03) for y in pegs]
+    things += [ring_points(x, pegs[0], 0.01, 0.035), ring_points(x, pegs[0], 0.03, 0.03)]
+    request = PickPlaceRequest(PlanarPose(x, pegs[0], 0.0), PlanarPose(x, pegs[2], 0.4))
+    plan = planner.plan(request, seen_cloud(*things), workspace, READY_POSITIONS)
+    for motion in plan.motions:
+        check_densely(motion)
+    underside = plan.placement.tcp_z - (plan.grasp.tcp_z - plan.grasp.support_z)
+    assert underside < 0.02  # let go around the peg, not above it
+
+
+def test_a_box_goes_between_walls_and_another(planner: TransferPlanner, workspace: WorkspaceSpec) -> None:
+    """10 mm to three walls and to a box: the hand goes no deeper than it must and holds the box near its top."""
+    x, y = 0.45, -0.2
+    other = cube_points(Cube(x - 0.04, y, size=(0.05, 0.1, 0.05), z=0.002))
+    box = cube_points(Cube(0.45, 0.2, 0.3, (0.07, 0.1, 0.05)))
+    cloud = seen_cloud(container_points(x, y, 0.152, 0.122), other, box)
+    request = PickPlaceRequest(PlanarPose(0.45, 0.2, 0.3), PlanarPose(x + 0.03, y, 0.0))
+    plan = planner.plan(request, cloud, workspace, READY_POSITIONS)
+    for motion in plan.motions:
+        check_densely(motion)
+    underside = plan.placement.tcp_z - (plan.grasp.tcp_z - plan.grasp.support_z)
+    assert 0.002 < underside < 0.022
 
 
 def check_ends(planner: TransferPlanner, request: PickPlaceRequest, plan: PickPlacePlan) -> None:

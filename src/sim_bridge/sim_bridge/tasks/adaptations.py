@@ -94,4 +94,35 @@ ADAPTATIONS: tuple[Adaptation, ...] = (
         "what lies half on an edge tilts or stops at it; the disc around a kit fills the workspace's width",
         "none: heights do not count",
     ),
+    Adaptation(
+        "packing-box-pairs, packing-boxes",
+        "a container is cut again, or drawn again, until each box has a side of at most 72 mm",
+        "the hand opens 80 mm",
+        "none; other cuts in 28 % of the containers",
+    ),
+    Adaptation(
+        "packing-box-pairs, packing-boxes, packing-google-objects",
+        "containers and what belongs into them lie where their outline fits, boxes 24 mm and objects 30 mm apart",
+        "discs around them do not fit into the workspace; an opened finger must",
+        "none; a container over 27 cm lies nearly along the table",
+    ),
+    Adaptation(
+        "packing-google-objects",
+        "objects of the project's own, or from a folder that the user gives; 100 g, friction 1, rolling friction 2 mm",
+        "no meshes are copied; the original's masses are unknown; round things must lie still",
+        "another set is another task: results name it",
+    ),
+    Adaptation(
+        "packing-google-objects",
+        "an object is no longer than its cell, no thinner than 20 mm, and made smaller, to 61 % at least, until it is "
+        "narrow enough somewhere as it lies; it falls in any attitude; one without room for the hand is left out",
+        "the hand opens 80 mm and needs something to hold; the original's attitude is a slip (section 14)",
+        "none: points fill the box around whatever it is; none of the project's own is made smaller, 17 % of Google's",
+    ),
+    Adaptation(
+        "packing-google-objects",
+        "the expert puts an object beside what lies in the container, a little turned if need be, not onto its middle",
+        "what a hand lets go on top of others slides to the walls and leans over them",
+        "none: the zone is the container",
+    ),
 )

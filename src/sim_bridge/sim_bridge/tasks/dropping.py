@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
-from cliport_perception import Pose
+from cliport_perception import PlanarPose, Pose
 from sim_bridge.errors import LayoutError
 from sim_bridge.everyday import EverydayObject
-from sim_bridge.objects import Collision, SceneObject, Shape
+from sim_bridge.objects import Collision, Pinch, SceneObject, Shape
 from sim_bridge.tasks.outline_space import free_outline_pose
+from sim_bridge.tasks.palm_room import palm_is_free
 from sim_bridge.tasks.pinch_search import FARTHEST
-from sim_bridge.tasks.pinching import OUTERMOST, pinches_lying
+from sim_bridge.tasks.pinching import OUTERMOST, gripper_at, pinches_lying
 
 if TYPE_CHECKING:
     from sim_bridge.world import SimWorld
@@ -23,10 +24,25 @@ if TYPE_CHECKING:
 _SECONDS = 1.0  # for objects to come to rest
 _LIFT = 0.005  # the lowest point starts this high [m]
 _ROOM = 0.03  # beside an object: an opened finger [m]
+_PLACES = 8  # that are tried for one thing
 _SHARES = (1.0, 0.85, 0.72, 0.61)  # of an object's size: the largest at which it can be held as it lies
 _ASIDE = (1.0, -0.8)  # objects fall beside the scene, out of each other's way: where the first one does [m]
 _APART = 0.4  # [m]
 _IN_A_ROW = 5
+
+
+@dataclass(frozen=True, eq=False)
+class _Lying:
+    """A thing in the scene, its place, and how it can be held relative to that."""
+
+    thing: SceneObject
+    attitude: Pose
+    at: PlanarPose
+    pinches: list[Pinch]
+
+    def has_room(self, world: SimWorld) -> bool:
+        """Whether the palm fits above it in one of its pinches."""
+        return any(palm_is_free(world, self.thing, gripper_at(self.at, pinch)) for pinch in self.pinches)
 
 
 def drop(
@@ -37,19 +53,39 @@ def drop(
 
     One that cannot be held as it lies is made smaller; one without room is left out.
     """
-    shapes = [thing.sized(edge) for thing, edge in things]
-    attitudes = _resting(world, shapes, rng)
-    dropped = []
+    attitudes = _resting(world, [thing.sized(edge) for thing, edge in things], rng)
+    lying = []
     for (thing, edge), attitude in zip(things, attitudes, strict=True):
-        shape = _holdable(thing, edge, attitude)
-        if shape is None:
+        held = _holdable(thing, edge, attitude)
+        if held is None:
             continue
+        shape, pinches = held
         try:
             at = free_outline_pose(world, shape, rng, _ROOM, tilt=attitude)
         except LayoutError:
             continue
-        dropped.append(world.add(shape, at.as_pose(-_lowest(shape, attitude)) @ attitude))
-    return dropped
+        lying.append(_Lying(world.add(shape, _pose(shape, at, attitude)), attitude, at, pinches))
+    return [one.thing for one in lying if _made_reachable(world, one, rng)]
+
+
+def _made_reachable(world: SimWorld, lying: _Lying, rng: np.random.Generator) -> bool:
+    """Move a thing to where the palm has room; when there is no such place, take it away."""
+    for _ in range(_PLACES):
+        if lying.has_room(world):
+            return True
+        shape = lying.thing.shape
+        try:
+            lying = replace(lying, at=free_outline_pose(world, shape, rng, _ROOM, tilt=lying.attitude))
+        except LayoutError:
+            break
+        world.move_object(lying.thing, _pose(shape, lying.at, lying.attitude))
+    world.remove(lying.thing)
+    return False
+
+
+def _pose(shape: Shape, at: PlanarPose, attitude: Pose) -> Pose:
+    """Where a shape's frame is when it lies there in that attitude."""
+    return at.as_pose(-_lowest(shape, attitude)) @ attitude
 
 
 def _resting(world: SimWorld, shapes: Sequence[Shape], rng: np.random.Generator) -> list[Pose]:
@@ -79,11 +115,13 @@ def _lowest(shape: Shape, attitude: Pose) -> float:
     return float(attitude.apply(_corners(shape))[:, 2].min())
 
 
-def _holdable(thing: EverydayObject, edge: float, attitude: Pose) -> Shape | None:
-    """The object as large as it may be and still be held in that attitude; if nowhere near its middle, elsewhere."""
+def _holdable(thing: EverydayObject, edge: float, attitude: Pose) -> tuple[Shape, list[Pinch]] | None:
+    """The object as large as it may be and still be held in that attitude, and how; if nowhere near its middle,
+    then elsewhere."""
     for farthest in (FARTHEST, OUTERMOST):
         for share in _SHARES:
             shape = thing.sized(edge, share)
-            if pinches_lying(shape, attitude.rotation, farthest):
-                return shape
+            pinches = pinches_lying(shape, attitude.rotation, farthest)
+            if pinches:
+                return shape, pinches
     return None

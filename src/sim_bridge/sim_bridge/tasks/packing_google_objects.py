@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from sim_bridge.world import SimWorld
 
 _SIDES = (0.20, 0.35)  # of the container [m]
+_CHOICE = 2  # of a thing's pinches, that with more room for the fingers is taken
 _SHORTEST = 0.08  # side of a cell that a cut leaves, with half a gap [m]
 
 
@@ -60,6 +61,11 @@ class PackingGoogleObjects(GoalTask):
         packing = random_packing(_SIDES, _SHORTEST, lambda cell: True, rng)
         container = add_container(world, packing.width, packing.depth, rng)
         goals = self.goals_for(world, container, packing, rng)
+        world.settle()
+        for goal in goals:
+            for thing in goal.objects:
+                if not self.pinches(thing):
+                    raise LayoutError(f"the {thing.name} came to lie so that nothing of it is narrow enough to be held")
         self._n_targets = sum(len(goal.objects) for goal in goals)
         return goals
 
@@ -85,10 +91,11 @@ class PackingGoogleObjects(GoalTask):
         return [(thing, room_in(self.world, goal.targets[0], size, thing)) for thing, _ in super().moves_to_make(goal)]
 
     def pinches(self, thing: SceneObject) -> list[Pinch]:
-        """Those where the palm has room too, if there are any."""
+        """The best of those where the palm has room too, if there are any."""
         pinches = super().pinches(thing)
         here = self.world.planar_pose(thing)
-        return [p for p in pinches if palm_is_free(self.world, thing, gripper_at(here, p))] or pinches
+        free = [pinch for pinch in pinches if palm_is_free(self.world, thing, gripper_at(here, pinch))]
+        return (free or pinches)[:_CHOICE]
 
     def place_level(self, goal: Goal, thing: SceneObject) -> float:
         """The container's floor."""

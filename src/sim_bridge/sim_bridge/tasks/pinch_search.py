@@ -9,7 +9,6 @@ import numpy as np
 import numpy.typing as npt
 
 from sim_bridge.objects import Pinch
-from sim_bridge.objects.block import WIDEST_PINCH
 
 FloatArray = npt.NDArray[np.float64]
 Heights = npt.NDArray[np.float32]
@@ -24,14 +23,15 @@ _NEAR_TOP = 9  # cells: how far around the pick the top is looked for
 _PAD = 0.0185  # how far below its top a thing is looked at [m]
 _TIP = 0.0245  # the fingertips reach at most this far below the top [m]
 _TIP_CLEARANCE = 0.005  # and stay this far above what the thing lies on [m]
+_WIDEST = 0.068  # that is held [m]
 _LEAST_HOLD = 0.009  # height that the fingers must hold [m]
 FARTHEST = 0.025  # that a good pinch is from the centre of mass [m]
 _OFF_CENTRE = 0.030  # distance from the centre of mass that costs as much as one jaw that meets nothing [m]
 _OFF_UPPER = 0.040  # so does this distance, along the jaws, from the middle of the upper side [m]
 _WIDE = 0.10  # and so does this width [m]
-_APART = math.radians(25.0)  # between two pinches
-_WORST = 0.7  # cost above the best pinch's
-_MOST = 4
+_APART = math.radians(18.0)  # between two pinches
+_WORST = 0.8  # cost above the best pinch's
+_MOST = 6
 _NEAREST = 8  # pinches at one yaw that are looked at
 
 
@@ -72,7 +72,7 @@ def _pinches_at(points: FloatArray, yaw: float, bottom: float, farthest: float) 
     width, middle = (last - first) * _CELL, ((first + last) / 2 - col_0) * _CELL
     beside = (rows - row_0) * _CELL
     distance = np.hypot(middle, beside)
-    free &= (width <= WIDEST_PINCH) & (distance < farthest)
+    free &= (width <= _WIDEST) & (distance < farthest)
     found: dict[tuple[int, int, int], tuple[float, Pinch]] = {}
     for i in np.flatnonzero(free)[np.argsort(distance[free], kind="stable")]:
         run = (int(rows[i]), int(first[i]), int(last[i]))
