@@ -20,6 +20,16 @@ FORBIDDEN = {
     "panda_executor": {"pybullet", "torch", "cliport_policy", "sim_bridge", "cliport_benchmark"},
     "sim_bridge": {"torch", "ompl", "pinocchio", "cliport_policy", "panda_executor", "cliport_benchmark"},
 }
+# The rooms within the simulator: what each may know of the others.
+INNER = {
+    "geometry": set(),
+    "control": set(),
+    "objects": {"geometry"},
+    "everyday": {"geometry", "objects"},
+    "rendering": {"geometry", "objects"},
+    "task_mechanics": {"geometry", "objects", "everyday"},
+    "tasks": {"geometry", "objects", "everyday", "task_mechanics"},
+}
 ROS = {"rclpy", "sensor_msgs", "std_msgs", "geometry_msgs", "cliport_interfaces", "control_msgs"}
 # Files that may know ROS, by how their names begin; every other module of these packages is core.
 ROS_ROOMS = (
@@ -51,6 +61,14 @@ def test_dependencies_point_one_way(path: Path) -> None:
     assert not other_nodes
     if not path.name.startswith(ROS_ROOMS):
         assert not {name.split(".")[0] for name in imported} & ROS, "core modules know no ROS"
+
+
+@pytest.mark.parametrize("room", INNER)
+def test_rooms_of_the_simulator_build_on_each_other(room: str) -> None:
+    allowed = INNER[room] | {room}
+    for path in (SOURCE / "sim_bridge/sim_bridge" / room).glob("*.py"):
+        known = {name.split(".")[1] for name in _imports(path) if name.startswith("sim_bridge.")}
+        assert known & set(INNER) <= allowed, path
 
 
 def test_node_files_stay_thin() -> None:

@@ -15,8 +15,8 @@ from panda_executor.model import PandaModel
 from panda_executor.request import Phase, PickPlaceRequest, PickPlaceResult
 from panda_executor.runner import PickPlaceRunner
 from panda_executor.transfer import TransferPlanner
-from sim_bridge.camera import RgbdFrame
 from sim_bridge.panda import MAX_WIDTH, READY_POSITIONS
+from sim_bridge.rendering.camera import RgbdFrame
 from sim_bridge.world import SimWorld
 
 _NO_LIMIT = 600.0  # [s]

@@ -58,8 +58,8 @@ def bench_camera_and_action() -> list[Row]:
     from cliport_benchmark.observer import Observer
     from cliport_perception.heightmap_builder import HeightmapBuilder
     from cliport_policy import load_policy
-    from sim_bridge.camera import CameraConfig, SimCamera
-    from sim_bridge.sensor_noise import NoiseConfig
+    from sim_bridge.rendering.camera import CameraConfig, SimCamera
+    from sim_bridge.rendering.sensor_noise import NoiseConfig
     from sim_bridge.world import SimConfig, SimWorld
 
     world = SimWorld(SimConfig())

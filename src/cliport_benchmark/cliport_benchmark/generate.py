@@ -27,8 +27,8 @@ from cliport_benchmark.json_files import differences, read_json, write_json
 from cliport_benchmark.kinematic_hand import KinematicHand
 from cliport_benchmark.observer import Observer
 from cliport_benchmark.parallel import run_parallel
-from sim_bridge.camera import CameraConfig
 from sim_bridge.errors import LayoutError, PhysicsError
+from sim_bridge.rendering.camera import CameraConfig
 from sim_bridge.tasks import PutBlocksInBowls, make_task
 from sim_bridge.world import SimConfig, SimWorld, scene_rng
 

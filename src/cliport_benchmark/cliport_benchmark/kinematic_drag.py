@@ -13,7 +13,7 @@ from cliport_perception import PlanarPose, Pose
 from sim_bridge.bullet import pybullet
 from sim_bridge.objects import SceneObject
 from sim_bridge.objects.sleeping import put_to_sleep, wake
-from sim_bridge.tasks.what_lies import thing_at
+from sim_bridge.task_mechanics.what_lies import thing_at
 from sim_bridge.world import SimWorld
 
 # the closed fingers: along and across the motion, and a part of their height [m]

@@ -9,8 +9,8 @@ import numpy as np
 from cliport_benchmark.kinematic_drag import fold, sweep
 from cliport_benchmark.setting_down import set_down
 from cliport_perception import PlanarPose, Pose, Primitive
-from sim_bridge.camera import RgbdFrame
-from sim_bridge.tasks.what_lies import thing_at
+from sim_bridge.rendering.camera import RgbdFrame
+from sim_bridge.task_mechanics.what_lies import thing_at
 from sim_bridge.world import SimWorld
 
 # as the arm's own placements of blocks, boxes and kit shapes scatter in full physics

@@ -7,9 +7,9 @@ import numpy.typing as npt
 
 from cliport_perception import Heightmap, heightmap_from_rgbd
 from cliport_perception.clouds import CloudBuilder, cloud_points
-from sim_bridge.appearance import Appearance, random_appearance
-from sim_bridge.camera import CameraConfig, RgbdFrame, SimCamera, mounting_error
-from sim_bridge.image_window import ImageWindow
+from sim_bridge.rendering.appearance import Appearance, random_appearance
+from sim_bridge.rendering.camera import CameraConfig, RgbdFrame, SimCamera, mounting_error
+from sim_bridge.rendering.image_window import ImageWindow
 from sim_bridge.world import SimConfig, SimWorld
 
 

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from panda_executor.ports import GripperResult, MotionResult, MotionStatus, ShouldStop
 from panda_executor.trajectory import JointTrajectory
-from sim_bridge.controllers import (
+from sim_bridge.control import (
     GoalRejectedError,
     GoalStatus,
     GripperController,

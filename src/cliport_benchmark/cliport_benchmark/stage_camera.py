@@ -7,8 +7,8 @@ import numpy as np
 import numpy.typing as npt
 
 from cliport_perception import CameraModel, Pose
-from sim_bridge.camera import CameraConfig, SimCamera
-from sim_bridge.sensor_noise import NoiseConfig
+from sim_bridge.rendering.camera import CameraConfig, SimCamera
+from sim_bridge.rendering.sensor_noise import NoiseConfig
 from sim_bridge.world import SimWorld
 
 _EYE, _TARGET = (1.18, 0.22, 0.80), (0.468, 0.0, 0.01)  # base frame [m]

@@ -20,11 +20,11 @@ from cliport_benchmark.json_files import read_json
 from cliport_benchmark.observer import Observer
 from cliport_perception import PlanarPose, Primitive, WorkspaceSpec
 from cliport_policy.demonstrations import load_demonstrations
-from sim_bridge.camera import RgbdFrame
 from sim_bridge.colors import COLORS, SEEN_PALETTE
 from sim_bridge.errors import PhysicsError
+from sim_bridge.rendering.camera import RgbdFrame
+from sim_bridge.task_mechanics.what_lies import thing_at
 from sim_bridge.tasks import TASKS, Split, Task
-from sim_bridge.tasks.what_lies import thing_at
 from sim_bridge.world import SimWorld, scene_rng
 
 TASK = "put-blocks-in-bowls-seen-colors"

@@ -17,9 +17,9 @@ from sensor_msgs.msg import CameraInfo, Image, JointState
 from trajectory_msgs.msg import JointTrajectoryPoint
 
 from cliport_perception import CameraModel, Pose
-from sim_bridge.gripper_controller import GripperGoal, GripperResult
-from sim_bridge.joint_trajectory_controller import TrajectoryExecution, TrajectoryFeedback
-from sim_bridge.trajectory_goal import (
+from sim_bridge.control.gripper_controller import GripperGoal, GripperResult
+from sim_bridge.control.joint_trajectory_controller import TrajectoryExecution, TrajectoryFeedback
+from sim_bridge.control.trajectory_goal import (
     ErrorCode,
     GoalRejectedError,
     JointTolerance,

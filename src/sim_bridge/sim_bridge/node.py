@@ -17,11 +17,11 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import Empty
 
-from sim_bridge.camera import CameraConfig, SimCamera
+from sim_bridge.control.gripper_controller import GripperConfig, GripperController
+from sim_bridge.control.heartbeat import HeartbeatWatchdog
+from sim_bridge.control.joint_trajectory_controller import JointTrajectoryController
+from sim_bridge.control.trajectory_log import TrajectoryLog
 from sim_bridge.errors import SimBridgeError
-from sim_bridge.gripper_controller import GripperConfig, GripperController
-from sim_bridge.heartbeat import HeartbeatWatchdog
-from sim_bridge.joint_trajectory_controller import JointTrajectoryController
 from sim_bridge.node_camera import CameraPublisher
 from sim_bridge.node_controllers import ArmAction, GripperAction
 from sim_bridge.node_faults import FaultInjection
@@ -29,8 +29,8 @@ from sim_bridge.node_parameters import SimParameters, declare_parameters
 from sim_bridge.node_services import SceneServices
 from sim_bridge.node_state import StatePublisher
 from sim_bridge.pacing import RealTimePacer
+from sim_bridge.rendering.camera import CameraConfig, SimCamera
 from sim_bridge.sim_loop import SimLoop
-from sim_bridge.trajectory_log import TrajectoryLog
 from sim_bridge.world import SimWorld
 
 

@@ -10,9 +10,9 @@ from rclpy.action import CancelResponse, GoalResponse
 from rclpy.callback_groups import ReentrantCallbackGroup
 
 from cliport_perception.ros_action_server import ThreadedActionServer
+from sim_bridge.control.goal_status import GoalStatus
+from sim_bridge.control.joint_trajectory_controller import TrajectoryExecution
 from sim_bridge.errors import SimBridgeError
-from sim_bridge.goal_status import GoalStatus
-from sim_bridge.joint_trajectory_controller import TrajectoryExecution
 from sim_bridge.sim_loop import Execution, SimLoop
 
 if TYPE_CHECKING:

@@ -10,9 +10,9 @@ import numpy as np
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import CameraInfo, Image
 
-from sim_bridge.camera import SimCamera
 from sim_bridge.conversions import camera_info_to_msg, image_to_msg
 from sim_bridge.node_faults import FaultInjection
+from sim_bridge.rendering.camera import SimCamera
 from sim_bridge.sim_loop import SimLoop
 from sim_bridge.world import SimWorld
 from sim_bridge.world_snapshot import WorldSnapshot

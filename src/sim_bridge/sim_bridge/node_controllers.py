@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 from control_msgs.action import FollowJointTrajectory, GripperCommand
 
 from sim_bridge import conversions
-from sim_bridge.gripper_controller import GripperExecution, GripperResult
-from sim_bridge.joint_trajectory_controller import TrajectoryExecution
+from sim_bridge.control.gripper_controller import GripperExecution, GripperResult
+from sim_bridge.control.joint_trajectory_controller import TrajectoryExecution
+from sim_bridge.control.trajectory_goal import ErrorCode, validate_goal
+from sim_bridge.control.trajectory_log import TrajectoryLog
 from sim_bridge.node_actions import ControllerAction
 from sim_bridge.node_faults import FaultInjection
 from sim_bridge.sim_loop import SimLoop
-from sim_bridge.trajectory_goal import ErrorCode, validate_goal
-from sim_bridge.trajectory_log import TrajectoryLog
 
 if TYPE_CHECKING:
     from rclpy.node import Node

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
 from rclpy.parameter import Parameter
 
-from sim_bridge.joint_trajectory_controller import TrajectoryExecution
+from sim_bridge.control.joint_trajectory_controller import TrajectoryExecution
 from sim_bridge.sim_loop import SimLoop
 
 if TYPE_CHECKING:

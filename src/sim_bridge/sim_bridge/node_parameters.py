@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from rcl_interfaces.msg import ParameterDescriptor
 
 from sim_bridge.errors import SimBridgeError
-from sim_bridge.sensor_noise import NoiseConfig
+from sim_bridge.rendering.sensor_noise import NoiseConfig
 
 if TYPE_CHECKING:
     from rclpy.node import Node

@@ -9,7 +9,7 @@ from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from cliport_interfaces.srv import GetScore, ResetTask
 from sim_bridge.errors import SimBridgeError, SimulationError
 from sim_bridge.sim_loop import SimLoop
-from sim_bridge.tasks.base import Task
+from sim_bridge.task_mechanics.base import Task
 from sim_bridge.world import SimWorld
 
 if TYPE_CHECKING:

@@ -10,10 +10,10 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from tf2_msgs.msg import TFMessage
 
-from sim_bridge.camera import SimCamera
 from sim_bridge.conversions import joint_state_to_msg, time_to_msg, transform_to_msg
 from sim_bridge.node_parameters import SimParameters
 from sim_bridge.panda import ARM_JOINT_NAMES, FINGER_JOINT_NAMES, ArmState
+from sim_bridge.rendering.camera import SimCamera
 from sim_bridge.sim_loop import SimLoop
 
 if TYPE_CHECKING:

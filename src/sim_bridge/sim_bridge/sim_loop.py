@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from queue import Empty, SimpleQueue
 from typing import Any, Protocol, TypeVar
 
+from sim_bridge.control.gripper_controller import GripperController, GripperExecution
+from sim_bridge.control.joint_trajectory_controller import JointTrajectoryController, TrajectoryExecution
 from sim_bridge.errors import SimulationError
-from sim_bridge.gripper_controller import GripperController, GripperExecution
-from sim_bridge.joint_trajectory_controller import JointTrajectoryController, TrajectoryExecution
 from sim_bridge.pacing import RealTimePacer
 
 T = TypeVar("T")

@@ -16,8 +16,8 @@ from sim_bridge.colors import Rgb, rgb
 from sim_bridge.errors import LayoutError, PhysicsError, SimulationError
 from sim_bridge.objects import SceneObject, Shape
 from sim_bridge.panda import PandaArm
+from sim_bridge.task_mechanics.base import Task
 from sim_bridge.tasks import Split, make_task
-from sim_bridge.tasks.base import Task
 
 LARGEST_SEED = 2**63 - 1  # what files and messages hold
 _STEEP = 0.7  # an axis with a larger vertical part stands upright

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pytest
 
-from sim_bridge.controllers import (
+from sim_bridge.control import (
     ArmControllerConfig,
     ErrorCode,
     GoalRejectedError,
@@ -15,7 +15,7 @@ from sim_bridge.controllers import (
     TrajectoryGoal,
     TrajectoryPoint,
 )
-from sim_bridge.trajectory_spline import TrajectorySpline, as_knot
+from sim_bridge.control.trajectory_spline import TrajectorySpline, as_knot
 
 CONFIG = ArmControllerConfig()
 NAMES = CONFIG.joint_names

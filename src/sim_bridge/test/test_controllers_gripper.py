@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from sim_bridge.controllers import GoalStatus, GripperConfig, GripperController, GripperGoal, GripperGoalError
+from sim_bridge.control import GoalStatus, GripperConfig, GripperController, GripperGoal, GripperGoalError
 
 DT = 1.0 / 240.0
 

@@ -5,7 +5,7 @@ import pybullet
 import pytest
 
 from cliport_perception import PlanarPose, Pose
-from sim_bridge.controllers import (
+from sim_bridge.control import (
     GoalStatus,
     GripperController,
     GripperGoal,

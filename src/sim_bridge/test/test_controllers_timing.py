@@ -2,7 +2,7 @@
 
 import pytest
 
-from sim_bridge.heartbeat import HeartbeatWatchdog
+from sim_bridge.control.heartbeat import HeartbeatWatchdog
 from sim_bridge.pacing import RealTimePacer
 
 STEP = 1.0 / 240.0

@@ -16,7 +16,7 @@ from trajectory_msgs.msg import JointTrajectoryPoint, MultiDOFJointTrajectoryPoi
 
 from cliport_perception import CameraModel, Pose
 from sim_bridge import conversions
-from sim_bridge.controllers import (
+from sim_bridge.control import (
     GoalRejectedError,
     GripperResult,
     JointCommand,

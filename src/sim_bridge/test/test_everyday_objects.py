@@ -12,9 +12,9 @@ from sim_bridge.everyday import FOLDER_VARIABLE, describe, google_names, object_
 from sim_bridge.everyday.decomposition import convex_pieces
 from sim_bridge.everyday.everyday_object import THINNEST
 from sim_bridge.everyday.merging import merged
-from sim_bridge.mesh import TriangleMesh
+from sim_bridge.geometry.mesh import TriangleMesh
 from sim_bridge.objects.block import WIDEST_PINCH
-from sim_bridge.tasks.pinching import about_z, pinches_lying
+from sim_bridge.task_mechanics.pinching import about_z, pinches_lying
 
 OWN = (*object_set().seen, *object_set().unseen)
 

@@ -13,14 +13,14 @@ import pytest
 from open3d.t.geometry import RaycastingScene
 
 from cliport_perception import CameraModel, Pose
-from sim_bridge.appearance import Appearance, random_appearance
-from sim_bridge.camera import default_camera_in_base, default_intrinsics, mounting_error
-from sim_bridge.image_window import ImageWindow
-from sim_bridge.mesh import TriangleMesh
-from sim_bridge.panda_meshes import panda_meshes
-from sim_bridge.renderer import Renderer
-from sim_bridge.room import TABLE_TRIANGLES, room_mesh
-from sim_bridge.visible import Visible
+from sim_bridge.geometry.mesh import TriangleMesh
+from sim_bridge.rendering.appearance import Appearance, random_appearance
+from sim_bridge.rendering.camera import default_camera_in_base, default_intrinsics, mounting_error
+from sim_bridge.rendering.image_window import ImageWindow
+from sim_bridge.rendering.panda_meshes import panda_meshes
+from sim_bridge.rendering.renderer import Renderer
+from sim_bridge.rendering.room import TABLE_TRIANGLES, room_mesh
+from sim_bridge.rendering.visible import Visible
 from sim_bridge.world import SimWorld
 
 CAMERA = default_intrinsics()

@@ -9,10 +9,10 @@ import pytest
 from cliport_perception import PlanarPose, Pose
 from sim_bridge.errors import LayoutError, PhysicsError
 from sim_bridge.objects import block_shape, bowl_shape, container_shape, cuboid
+from sim_bridge.task_mechanics.free_space import FINGER_ROOM, free_pose
+from sim_bridge.task_mechanics.goal import Goal, PoseMetric, ZoneMetric, lattice
+from sim_bridge.task_mechanics.goal_task import GoalTask
 from sim_bridge.tasks import TASKS, Split, make_task
-from sim_bridge.tasks.free_space import FINGER_ROOM, free_pose
-from sim_bridge.tasks.goal import Goal, PoseMetric, ZoneMetric, lattice
-from sim_bridge.tasks.goal_task import GoalTask
 from sim_bridge.world import SimWorld, scene_rng
 
 HALF = 0.02

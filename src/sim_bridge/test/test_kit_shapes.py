@@ -10,12 +10,12 @@ import pytest
 
 from cliport_perception import PlanarPose
 from sim_bridge.bullet import pybullet
+from sim_bridge.geometry.outlines import signed_area
 from sim_bridge.objects.convex_pieces import convex_pieces
 from sim_bridge.objects.kit import HOLE_RGB, KIT_SIZE, hole_poses, hole_shape
 from sim_bridge.objects.kit_shapes import KIT_SHAPES, SEEN_SHAPES, THICKNESS, UNSEEN_SHAPES, kit_shape
 from sim_bridge.objects.outline import Outline
-from sim_bridge.outlines import signed_area
-from sim_bridge.tasks.pinching import gripper_at
+from sim_bridge.task_mechanics.pinching import gripper_at
 from sim_bridge.world import SimWorld
 
 # name, extents [mm], period of the metric: the specification's table

@@ -8,7 +8,7 @@ import pytest
 
 from cliport_perception import Pose
 from sim_bridge.errors import SimulationError
-from sim_bridge.mesh import TriangleMesh
+from sim_bridge.geometry.mesh import TriangleMesh
 from sim_bridge.objects import bowl_shape
 
 SQUARE = [(0.0, 0.0), (0.1, 0.0), (0.1, 0.1), (0.0, 0.1)]

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from cliport_perception import CameraModel, PlanarPose, Pose, WorkspaceSpec, heightmap_from_rgbd
-from sim_bridge.appearance import Appearance, AppearanceRanges, random_appearance
-from sim_bridge.camera import CameraConfig, SimCamera, default_camera_in_base, mounting_error
 from sim_bridge.colors import COLORS
 from sim_bridge.errors import SimulationError
-from sim_bridge.image_window import ImageWindow
 from sim_bridge.objects import block_shape, bowl_shape
-from sim_bridge.renderer import Renderer
-from sim_bridge.sensor_noise import NoiseConfig
+from sim_bridge.rendering.appearance import Appearance, AppearanceRanges, random_appearance
+from sim_bridge.rendering.camera import CameraConfig, SimCamera, default_camera_in_base, mounting_error
+from sim_bridge.rendering.image_window import ImageWindow
+from sim_bridge.rendering.renderer import Renderer
+from sim_bridge.rendering.sensor_noise import NoiseConfig
 from sim_bridge.world import SimWorld
 
 SMALL = CameraModel(240, 136, 135.0, 135.0, 120.0, 68.0)

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from sim_bridge.camera import CameraConfig, SimCamera
-from sim_bridge.sensor_noise import NoiseConfig
+from sim_bridge.rendering.camera import CameraConfig, SimCamera
+from sim_bridge.rendering.sensor_noise import NoiseConfig
 from sim_bridge.world import SimConfig, SimWorld
 
 TASK = "put-blocks-in-bowls-seen-colors"

@@ -9,8 +9,8 @@ import pytest
 from cliport_perception import Pose
 from sim_bridge.colors import SEEN_PALETTE, UNSEEN_PALETTE
 from sim_bridge.objects.hanoi import RING_DIAMETERS, ring_shape
-from sim_bridge.tasks.goal import Goal
-from sim_bridge.tasks.goal_task import GoalTask
+from sim_bridge.task_mechanics.goal import Goal
+from sim_bridge.task_mechanics.goal_task import GoalTask
 from sim_bridge.world import SimWorld
 
 SEQ = "towers-of-hanoi-seq-seen-colors"

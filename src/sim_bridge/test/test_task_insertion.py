@@ -8,7 +8,7 @@ import pytest
 
 from cliport_perception import Pose
 from sim_bridge.objects import SceneObject
-from sim_bridge.tasks.goal_task import GoalTask
+from sim_bridge.task_mechanics.goal_task import GoalTask
 from sim_bridge.tasks.place_red_in_green import PlaceRedInGreen
 from sim_bridge.world import SimWorld
 

@@ -12,9 +12,9 @@ from sim_bridge.colors import COLORS, SEEN_PALETTE, UNSEEN_PALETTE
 from sim_bridge.objects import SceneObject
 from sim_bridge.objects.kit import KIT_SIZE
 from sim_bridge.objects.kit_shapes import KIT_SHAPES, SEEN_SHAPES, THICKNESS, UNSEEN_SHAPES
+from sim_bridge.task_mechanics.free_space import outline
+from sim_bridge.task_mechanics.goal import Goal
 from sim_bridge.tasks.assembling_kits_seq import which_of
-from sim_bridge.tasks.free_space import outline
-from sim_bridge.tasks.goal import Goal
 from sim_bridge.tasks.kit_task import KitTask
 from sim_bridge.world import SimWorld
 

@@ -9,7 +9,7 @@ import pytest
 from cliport_perception import Pose
 from sim_bridge.colors import SEEN_PALETTE, UNSEEN_PALETTE
 from sim_bridge.objects import SceneObject
-from sim_bridge.tasks.goal import ZoneMetric
+from sim_bridge.task_mechanics.goal import ZoneMetric
 from sim_bridge.tasks.packing_boxes import PackingBoxes
 from sim_bridge.world import SimWorld
 

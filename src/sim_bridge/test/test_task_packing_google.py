@@ -12,7 +12,7 @@ from sim_bridge.errors import ObjectFolderError
 from sim_bridge.everyday import FOLDER_VARIABLE, object_set
 from sim_bridge.objects import SceneObject
 from sim_bridge.objects.block import WIDEST_PINCH
-from sim_bridge.tasks.goal import ZoneMetric
+from sim_bridge.task_mechanics.goal import ZoneMetric
 from sim_bridge.tasks.packing_google_objects import PackingGoogleObjects
 from sim_bridge.world import SimWorld
 

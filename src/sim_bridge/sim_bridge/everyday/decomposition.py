@@ -15,8 +15,8 @@ import numpy.typing as npt
 from scipy.spatial import ConvexHull, QhullError
 
 from sim_bridge.everyday.merging import merged
-from sim_bridge.mesh import TriangleMesh
-from sim_bridge.surface import surface_points
+from sim_bridge.geometry.mesh import TriangleMesh
+from sim_bridge.geometry.surface import surface_points
 
 FloatArray = npt.NDArray[np.float64]
 

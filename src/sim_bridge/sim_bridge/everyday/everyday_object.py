@@ -12,7 +12,7 @@ from scipy.spatial import ConvexHull
 from cliport_perception import Pose
 from sim_bridge.errors import SimulationError
 from sim_bridge.everyday.merging import merged
-from sim_bridge.mesh import TriangleMesh
+from sim_bridge.geometry.mesh import TriangleMesh
 from sim_bridge.objects import Collision, HullPart, Shape
 
 FloatArray = npt.NDArray[np.float64]

@@ -13,7 +13,7 @@ from sim_bridge.errors import ObjectFolderError, SimulationError
 from sim_bridge.everyday import google_names
 from sim_bridge.everyday.decomposition import convex_pieces
 from sim_bridge.everyday.everyday_object import EverydayObject
-from sim_bridge.mesh import TriangleMesh
+from sim_bridge.geometry.mesh import TriangleMesh
 
 _COLORS = {**google_names.SEEN, **google_names.UNSEEN}
 _TEXTURE_SIZE = 512  # pixels of the longer side

@@ -11,7 +11,7 @@ from typing import Protocol
 from sim_bridge.errors import ObjectFolderError
 from sim_bridge.everyday import catalogue, google_folder, google_names
 from sim_bridge.everyday.everyday_object import EverydayObject
-from sim_bridge.mesh import TriangleMesh
+from sim_bridge.geometry.mesh import TriangleMesh
 
 FOLDER_VARIABLE = "CLIPORT_GOOGLE_OBJECTS"
 FEWEST = 9  # names that a scene may need

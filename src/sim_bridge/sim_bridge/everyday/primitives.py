@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from cliport_perception import Pose
 from sim_bridge.colors import Rgb
-from sim_bridge.mesh import TriangleMesh
+from sim_bridge.geometry.mesh import TriangleMesh
 
 FloatArray = npt.NDArray[np.float64]
 Point = tuple[float, float, float]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from functools import lru_cache
 
-from sim_bridge.mesh import TriangleMesh
+from sim_bridge.geometry.mesh import TriangleMesh
 from sim_bridge.objects.collision import Collision
 from sim_bridge.objects.shape import Pinch, Shape
 

@@ -6,7 +6,7 @@ import math
 from functools import lru_cache
 
 from cliport_perception import Pose
-from sim_bridge.mesh import TriangleMesh
+from sim_bridge.geometry.mesh import TriangleMesh
 from sim_bridge.objects.collision import BoxPart, Collision, CylinderPart
 from sim_bridge.objects.shape import Shape
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from sim_bridge import outlines
+from sim_bridge.geometry import outlines
 
 _BENT = 1e-10  # area of three corners that count as straight [m^2]
 

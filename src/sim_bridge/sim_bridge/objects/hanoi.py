@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from cliport_perception import Pose
 from sim_bridge.colors import rgb
-from sim_bridge.mesh import TriangleMesh
+from sim_bridge.geometry.mesh import TriangleMesh
 from sim_bridge.objects.collision import HULL_PADDING, BoxPart, Collision, CylinderPart, HullPart
 from sim_bridge.objects.shape import Pinch, Shape
 from sim_bridge.objects.tiles import tile_row

@@ -6,7 +6,7 @@ from functools import lru_cache
 
 from cliport_perception import Pose
 from sim_bridge.colors import Rgb, rgb
-from sim_bridge.mesh import TriangleMesh
+from sim_bridge.geometry.mesh import TriangleMesh
 from sim_bridge.objects.collision import Collision
 from sim_bridge.objects.kit_shapes import KIT_SHAPES
 from sim_bridge.objects.shape import Shape

@@ -10,7 +10,7 @@ from functools import lru_cache
 import numpy as np
 
 from cliport_perception import Pose
-from sim_bridge.mesh import TriangleMesh
+from sim_bridge.geometry.mesh import TriangleMesh
 from sim_bridge.objects import kit_outlines as plain
 from sim_bridge.objects import letter_outlines as letters
 from sim_bridge.objects.collision import Collision, HullPart

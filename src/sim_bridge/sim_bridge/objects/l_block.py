@@ -7,7 +7,7 @@ from functools import lru_cache
 
 from cliport_perception import Pose
 from sim_bridge.colors import rgb
-from sim_bridge.mesh import TriangleMesh
+from sim_bridge.geometry.mesh import TriangleMesh
 from sim_bridge.objects.collision import BoxPart, Collision
 from sim_bridge.objects.shape import Pinch, Shape
 

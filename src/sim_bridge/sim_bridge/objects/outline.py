@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from sim_bridge import outlines
+from sim_bridge.geometry import outlines
 
 FloatArray = npt.NDArray[np.float64]
 Points = list[tuple[float, float]]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import lru_cache
 
 from cliport_perception import Pose
-from sim_bridge.mesh import TriangleMesh
+from sim_bridge.geometry.mesh import TriangleMesh
 from sim_bridge.objects.collision import Collision
 from sim_bridge.objects.shape import Shape
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from cliport_perception import Pose
 from sim_bridge.bullet import pybullet
-from sim_bridge.mesh import TriangleMesh
+from sim_bridge.geometry.mesh import TriangleMesh
 from sim_bridge.objects.collision import Collision
 from sim_bridge.objects.shape import SceneObject, Shape
 

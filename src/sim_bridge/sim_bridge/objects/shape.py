@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from sim_bridge.colors import Rgb
-from sim_bridge.mesh import TriangleMesh
+from sim_bridge.geometry.mesh import TriangleMesh
 from sim_bridge.objects.collision import Collision
 
 

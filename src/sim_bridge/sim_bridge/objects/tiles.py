@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from cliport_perception import Pose
 from sim_bridge.colors import Rgb, rgb
-from sim_bridge.mesh import TriangleMesh
+from sim_bridge.geometry.mesh import TriangleMesh
 
 LIGHT_BROWN: Rgb = (234, 175, 143)
 DARK_BROWN: Rgb = (78, 58, 48)

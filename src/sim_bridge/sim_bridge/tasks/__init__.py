@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from sim_bridge.errors import GoalError, PhysicsError
-from sim_bridge.tasks.base import Choice, ExpertAction, Split, Task
+from sim_bridge.task_mechanics.base import Choice, ExpertAction, Split, Task
 from sim_bridge.tasks.color_goal import ColorGoal
 from sim_bridge.tasks.goal_words import goal_colors
 from sim_bridge.tasks.put_blocks_in_bowls import PutBlocksInBowls

@@ -13,9 +13,9 @@ from sim_bridge.colors import random_brown
 from sim_bridge.objects import cuboid
 from sim_bridge.objects.block import WIDEST_PINCH
 from sim_bridge.objects.corner import corner_shape
-from sim_bridge.tasks.free_space import free_pose
-from sim_bridge.tasks.goal import Goal, PoseMetric
-from sim_bridge.tasks.goal_task import GoalTask
+from sim_bridge.task_mechanics.free_space import free_pose
+from sim_bridge.task_mechanics.goal import Goal, PoseMetric
+from sim_bridge.task_mechanics.goal_task import GoalTask
 
 if TYPE_CHECKING:
     from sim_bridge.world import SimWorld

@@ -21,10 +21,10 @@ from sim_bridge.objects.rope import (
     square_shape,
 )
 from sim_bridge.objects.sleeping import let_sleep
-from sim_bridge.tasks.base import ExpertAction, Split
-from sim_bridge.tasks.free_space import free_pose
-from sim_bridge.tasks.goal import Goal, PoseMetric
-from sim_bridge.tasks.goal_task import GoalTask
+from sim_bridge.task_mechanics.base import ExpertAction, Split
+from sim_bridge.task_mechanics.free_space import free_pose
+from sim_bridge.task_mechanics.goal import Goal, PoseMetric
+from sim_bridge.task_mechanics.goal_task import GoalTask
 from sim_bridge.tasks.rope_expert import next_fold
 
 if TYPE_CHECKING:

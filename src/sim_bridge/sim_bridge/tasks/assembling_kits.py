@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sim_bridge.tasks.goal import Goal, PoseMetric
+from sim_bridge.task_mechanics.goal import Goal, PoseMetric
 from sim_bridge.tasks.kit_task import KitTask, kit_shapes_of
 
 if TYPE_CHECKING:

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sim_bridge.objects.kit_shapes import KIT_SHAPES
-from sim_bridge.tasks.base import Split
-from sim_bridge.tasks.goal import FloatArray, Goal, PoseMetric
+from sim_bridge.task_mechanics.base import Split
+from sim_bridge.task_mechanics.goal import FloatArray, Goal, PoseMetric
 from sim_bridge.tasks.kit_task import N_HOLES, Fit, KitTask, kit_shapes_of
 from sim_bridge.tasks.variants import Variant
 

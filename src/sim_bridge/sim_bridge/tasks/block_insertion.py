@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sim_bridge.objects.l_block import FIXTURE_HEIGHT, L_HEIGHT, l_block_shape, l_fixture_shape
-from sim_bridge.tasks.free_space import free_pose
-from sim_bridge.tasks.goal import Goal, PoseMetric
-from sim_bridge.tasks.goal_task import GoalTask
+from sim_bridge.task_mechanics.free_space import free_pose
+from sim_bridge.task_mechanics.goal import Goal, PoseMetric
+from sim_bridge.task_mechanics.goal_task import GoalTask
 
 if TYPE_CHECKING:
     from sim_bridge.world import SimWorld

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sim_bridge.errors import LayoutError
-from sim_bridge.tasks.base import Split
-from sim_bridge.tasks.box_partition import Cell
+from sim_bridge.task_mechanics.base import Split
+from sim_bridge.task_mechanics.box_partition import Cell
 from sim_bridge.tasks.packing_boxes import PackingBoxes, add_box
 from sim_bridge.tasks.variants import Variant
 

@@ -13,10 +13,10 @@ from sim_bridge.colors import COLORS
 from sim_bridge.objects import SceneObject, container_shape, cuboid
 from sim_bridge.objects.block import WIDEST_PINCH
 from sim_bridge.objects.container import CONTAINER_HEIGHT, WALL
-from sim_bridge.tasks.box_partition import Cell, random_packing
-from sim_bridge.tasks.goal import Goal, ZoneMetric, lattice
-from sim_bridge.tasks.goal_task import GoalTask
-from sim_bridge.tasks.outline_space import free_outline_pose
+from sim_bridge.task_mechanics.box_partition import Cell, random_packing
+from sim_bridge.task_mechanics.goal import Goal, ZoneMetric, lattice
+from sim_bridge.task_mechanics.goal_task import GoalTask
+from sim_bridge.task_mechanics.outline_space import free_outline_pose
 
 if TYPE_CHECKING:
     from sim_bridge.world import SimWorld

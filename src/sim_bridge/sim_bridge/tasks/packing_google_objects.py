@@ -14,15 +14,15 @@ from sim_bridge.errors import LayoutError
 from sim_bridge.everyday import object_set
 from sim_bridge.objects import Pinch, SceneObject
 from sim_bridge.objects.container import WALL
-from sim_bridge.tasks.base import Split
-from sim_bridge.tasks.box_partition import Packing, random_packing
-from sim_bridge.tasks.container_space import room_in
-from sim_bridge.tasks.dropping import drop
-from sim_bridge.tasks.goal import Goal, ZoneMetric, lattice
-from sim_bridge.tasks.goal_task import GoalTask
+from sim_bridge.task_mechanics.base import Split
+from sim_bridge.task_mechanics.box_partition import Packing, random_packing
+from sim_bridge.task_mechanics.container_space import room_in
+from sim_bridge.task_mechanics.dropping import drop
+from sim_bridge.task_mechanics.goal import Goal, ZoneMetric, lattice
+from sim_bridge.task_mechanics.goal_task import GoalTask
+from sim_bridge.task_mechanics.palm_room import palm_is_free
+from sim_bridge.task_mechanics.pinching import gripper_at
 from sim_bridge.tasks.packing_boxes import add_container
-from sim_bridge.tasks.palm_room import palm_is_free
-from sim_bridge.tasks.pinching import gripper_at
 from sim_bridge.tasks.variants import Variant
 
 if TYPE_CHECKING:

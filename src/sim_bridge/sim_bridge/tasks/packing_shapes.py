@@ -10,10 +10,10 @@ import numpy as np
 from sim_bridge.objects import SceneObject, container_shape
 from sim_bridge.objects.container import CONTAINER_HEIGHT, WALL
 from sim_bridge.objects.kit_shapes import THICKNESS, kit_shape
-from sim_bridge.tasks.base import Split
-from sim_bridge.tasks.free_space import free_pose
-from sim_bridge.tasks.goal import Goal, ZoneMetric, lattice
-from sim_bridge.tasks.goal_task import GoalTask
+from sim_bridge.task_mechanics.base import Split
+from sim_bridge.task_mechanics.free_space import free_pose
+from sim_bridge.task_mechanics.goal import Goal, ZoneMetric, lattice
+from sim_bridge.task_mechanics.goal_task import GoalTask
 from sim_bridge.tasks.kit_task import kit_shapes_of
 from sim_bridge.tasks.variants import Variant
 

@@ -14,9 +14,9 @@ from cliport_perception import PlanarPose, Pose
 from sim_bridge.colors import random_brown
 from sim_bridge.objects import SceneObject, Shape, cuboid
 from sim_bridge.objects.pallet import PALLET_SIZE, pallet_shape
-from sim_bridge.tasks.base import Split
-from sim_bridge.tasks.goal import Goal, PoseMetric, ZoneMetric, lattice
-from sim_bridge.tasks.goal_task import GoalTask
+from sim_bridge.task_mechanics.base import Split
+from sim_bridge.task_mechanics.goal import Goal, PoseMetric, ZoneMetric, lattice
+from sim_bridge.task_mechanics.goal_task import GoalTask
 
 if TYPE_CHECKING:
     from sim_bridge.world import SimWorld

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from sim_bridge.colors import COLORS
-from sim_bridge.tasks.base import Split
+from sim_bridge.task_mechanics.base import Split
 from sim_bridge.tasks.color_goal import ColorGoal
 from sim_bridge.tasks.put_blocks_in_bowls import N_DISTRACTORS, PutBlocksInBowls
 from sim_bridge.tasks.variants import Variant

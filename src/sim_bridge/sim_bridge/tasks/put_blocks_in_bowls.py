@@ -12,11 +12,11 @@ from sim_bridge.colors import COLORS
 from sim_bridge.objects import SceneObject, block_shape, bowl_shape
 from sim_bridge.objects.block import BLOCK_SIZE
 from sim_bridge.objects.bowl import BOWL_HEIGHT
-from sim_bridge.tasks.base import ExpertAction, Split
+from sim_bridge.task_mechanics.base import ExpertAction, Split
+from sim_bridge.task_mechanics.free_space import free_pose
+from sim_bridge.task_mechanics.goal import Goal, PoseMetric
+from sim_bridge.task_mechanics.goal_task import GoalTask
 from sim_bridge.tasks.color_goal import DONE_SENTENCE, ColorGoal
-from sim_bridge.tasks.free_space import free_pose
-from sim_bridge.tasks.goal import Goal, PoseMetric
-from sim_bridge.tasks.goal_task import GoalTask
 from sim_bridge.tasks.variants import Variant
 
 if TYPE_CHECKING:

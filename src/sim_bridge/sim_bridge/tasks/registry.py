@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from sim_bridge.errors import GoalError, UnknownNameError
+from sim_bridge.task_mechanics.base import Split, Task
 from sim_bridge.tasks.align_box_corner import AlignBoxCorner
 from sim_bridge.tasks.align_rope import AlignRope, ManipulatingRope
 from sim_bridge.tasks.assembling_kits import AssemblingKits
 from sim_bridge.tasks.assembling_kits_seq import AssemblingKitsSeq
-from sim_bridge.tasks.base import Split, Task
 from sim_bridge.tasks.block_insertion import BlockInsertion
 from sim_bridge.tasks.color_goal import ColorGoal
 from sim_bridge.tasks.goal_words import goal_colors
@@ -31,37 +31,30 @@ _COLORS = {"seen-colors": Variant.SEEN, "unseen-colors": Variant.UNSEEN, "full":
 _GOOGLE = {"seen": Variant.SEEN, "unseen": Variant.UNSEEN}
 
 
-def _colored(name: str, make: Callable[[str, Split, Variant], Task]) -> dict[str, TaskMaker]:
-    """The variants of a task by their full names."""
+def _variants(
+    template: str, variants: dict[str, Variant], make: Callable[[str, Split, Variant], Task]
+) -> dict[str, TaskMaker]:
+    """A task's variants by their full names: the template with each variant's word in it."""
 
     def maker(variant: Variant) -> TaskMaker:
         return lambda full_name, split: make(full_name, split, variant)
 
-    return {f"{name}-{suffix}": maker(variant) for suffix, variant in _COLORS.items()}
-
-
-def _google(suffix: str, make: Callable[[str, Split, Variant], Task]) -> dict[str, TaskMaker]:
-    """The seen and unseen variants of a task with everyday objects by their full names."""
-
-    def maker(variant: Variant) -> TaskMaker:
-        return lambda full_name, split: make(full_name, split, variant)
-
-    return {f"packing-{kind}-google-objects-{suffix}": maker(variant) for kind, variant in _GOOGLE.items()}
+    return {template.format(word): maker(variant) for word, variant in variants.items()}
 
 
 TASKS: dict[str, TaskMaker] = {
     "align-rope": AlignRope,
     "packing-unseen-shapes": PackingShapes,
-    **_colored("assembling-kits-seq", AssemblingKitsSeq),
+    **_variants("assembling-kits-seq-{}", _COLORS, AssemblingKitsSeq),
     "assembling-kits": AssemblingKits,
-    **_colored("put-blocks-in-bowls", PutBlocksInBowls),
-    **_colored("packing-box-pairs", PackingBoxPairs),
+    **_variants("put-blocks-in-bowls-{}", _COLORS, PutBlocksInBowls),
+    **_variants("packing-box-pairs-{}", _COLORS, PackingBoxPairs),
     "packing-boxes": PackingBoxes,
-    **_google("seq", PackingGoogleObjectsSeq),
-    **_google("group", PackingGoogleObjectsGroup),
-    **_colored("stack-block-pyramid-seq", StackBlockPyramidSeq),
-    **_colored("separating-piles", SeparatingPiles),
-    **_colored("towers-of-hanoi-seq", TowersOfHanoiSeq),
+    **_variants("packing-{}-google-objects-seq", _GOOGLE, PackingGoogleObjectsSeq),
+    **_variants("packing-{}-google-objects-group", _GOOGLE, PackingGoogleObjectsGroup),
+    **_variants("stack-block-pyramid-seq-{}", _COLORS, StackBlockPyramidSeq),
+    **_variants("separating-piles-{}", _COLORS, SeparatingPiles),
+    **_variants("towers-of-hanoi-seq-{}", _COLORS, TowersOfHanoiSeq),
     "block-insertion": BlockInsertion,
     "place-red-in-green": PlaceRedInGreen,
     "towers-of-hanoi": TowersOfHanoi,

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cliport_perception import PlanarPose, Primitive
-from sim_bridge.tasks.base import ExpertAction
+from sim_bridge.task_mechanics.base import ExpertAction
 
 FloatArray = npt.NDArray[np.float64]
 

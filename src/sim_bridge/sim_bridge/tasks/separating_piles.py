@@ -15,10 +15,10 @@ from sim_bridge.objects import SceneObject
 from sim_bridge.objects.corner import PURE_GREEN
 from sim_bridge.objects.pile import PILE_BLOCK_SIZE, ZONE_OUTLINE, pile_block_shape, zone_shape
 from sim_bridge.objects.sleeping import let_sleep
-from sim_bridge.tasks.base import Choice, ExpertAction, Split
-from sim_bridge.tasks.free_space import free_pose
-from sim_bridge.tasks.goal import Goal, ZoneMetric, lattice
-from sim_bridge.tasks.goal_task import GoalTask
+from sim_bridge.task_mechanics.base import Choice, ExpertAction, Split
+from sim_bridge.task_mechanics.free_space import free_pose
+from sim_bridge.task_mechanics.goal import Goal, ZoneMetric, lattice
+from sim_bridge.task_mechanics.goal_task import GoalTask
 from sim_bridge.tasks.sweep_expert import next_sweep, on_the_way
 from sim_bridge.tasks.variants import Variant
 

@@ -12,10 +12,10 @@ from cliport_perception import Pose
 from sim_bridge.objects import SceneObject, block_shape
 from sim_bridge.objects.block import BLOCK_SIZE
 from sim_bridge.objects.pyramid_stand import PYRAMID_STAND_HEIGHT, pyramid_stand_shape
-from sim_bridge.tasks.base import Split
-from sim_bridge.tasks.free_space import free_pose
-from sim_bridge.tasks.goal import Goal, PoseMetric
-from sim_bridge.tasks.goal_task import GoalTask
+from sim_bridge.task_mechanics.base import Split
+from sim_bridge.task_mechanics.free_space import free_pose
+from sim_bridge.task_mechanics.goal import Goal, PoseMetric
+from sim_bridge.task_mechanics.goal_task import GoalTask
 from sim_bridge.tasks.variants import Variant
 
 if TYPE_CHECKING:

@@ -19,10 +19,10 @@ from sim_bridge.objects.hanoi import (
     hanoi_stand_shape,
     ring_shape,
 )
-from sim_bridge.tasks.base import Split
-from sim_bridge.tasks.goal import Goal, PoseMetric
-from sim_bridge.tasks.goal_task import GoalTask
-from sim_bridge.tasks.outline_space import free_outline_pose
+from sim_bridge.task_mechanics.base import Split
+from sim_bridge.task_mechanics.goal import Goal, PoseMetric
+from sim_bridge.task_mechanics.goal_task import GoalTask
+from sim_bridge.task_mechanics.outline_space import free_outline_pose
 from sim_bridge.tasks.variants import Variant
 
 if TYPE_CHECKING:

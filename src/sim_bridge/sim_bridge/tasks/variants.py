@@ -5,7 +5,7 @@ from __future__ import annotations
 from enum import Enum
 
 from sim_bridge.colors import COLORS, SEEN_PALETTE, UNSEEN_PALETTE
-from sim_bridge.tasks.base import Split
+from sim_bridge.task_mechanics.base import Split
 
 
 class Variant(Enum):

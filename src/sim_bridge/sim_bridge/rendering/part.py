@@ -13,11 +13,11 @@ import open3d.core as o3c
 from open3d.t.geometry import RaycastingScene
 
 from cliport_perception import Pose
-from sim_bridge.appearance import Appearance
-from sim_bridge.bodies import Body
-from sim_bridge.mesh import TriangleMesh
-from sim_bridge.rays import Rays, dot, turned
-from sim_bridge.room import room_colors, room_mesh
+from sim_bridge.geometry.mesh import TriangleMesh
+from sim_bridge.rendering.appearance import Appearance
+from sim_bridge.rendering.bodies import Body
+from sim_bridge.rendering.rays import Rays, dot, turned
+from sim_bridge.rendering.room import room_colors, room_mesh
 
 _LARGE = 1000  # triangles from which on a mesh's search tree is worth keeping from frame to frame
 

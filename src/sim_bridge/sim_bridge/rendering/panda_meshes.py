@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pybullet_data
 
-from sim_bridge.mesh import TriangleMesh
+from sim_bridge.geometry.mesh import TriangleMesh
 
 _PARTS = (*(f"link{i}" for i in range(8)), "hand")
 

@@ -17,16 +17,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sim_bridge.arm_reflex import ArmControllerConfig, JointCommand, JointStates, at_rest, reflex_fault
-from sim_bridge.goal_status import GoalStatus
-from sim_bridge.trajectory_goal import (
+from sim_bridge.control.arm_reflex import ArmControllerConfig, JointCommand, JointStates, at_rest, reflex_fault
+from sim_bridge.control.goal_status import GoalStatus
+from sim_bridge.control.trajectory_goal import (
     ErrorCode,
     GoalRejectedError,
     JointTolerance,
     TrajectoryGoal,
     validate_goal,
 )
-from sim_bridge.trajectory_spline import Array, Knot, TrajectorySpline, as_knot
+from sim_bridge.control.trajectory_spline import Array, Knot, TrajectorySpline, as_knot
 
 __all__ = [
     "ArmControllerConfig",

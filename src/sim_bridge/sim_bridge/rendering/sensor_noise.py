@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.special import ndtri
 
-from sim_bridge.clean_frame import CleanFrame
+from sim_bridge.rendering.clean_frame import CleanFrame
 
 _LEVELS = 1 << 16  # what a draw can be
 _NOTHING = np.float32(1e3)  # depth that stands for none [m]

@@ -18,9 +18,9 @@ from typing import Protocol
 
 import numpy as np
 
+from sim_bridge.control.goal_status import GoalStatus
+from sim_bridge.control.trajectory_spline import Array
 from sim_bridge.errors import SimBridgeError
-from sim_bridge.goal_status import GoalStatus
-from sim_bridge.trajectory_spline import Array
 
 __all__ = [
     "GoalStatus",

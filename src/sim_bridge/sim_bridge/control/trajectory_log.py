@@ -5,8 +5,8 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+from sim_bridge.control.trajectory_goal import TrajectoryGoal
 from sim_bridge.errors import SimBridgeError
-from sim_bridge.trajectory_goal import TrajectoryGoal
 
 
 class TrajectoryLogError(SimBridgeError):

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from sim_bridge.appearance import Appearance
-from sim_bridge.lit_scene import LitScene
-from sim_bridge.part import parts_of
-from sim_bridge.rays import Rays
-from sim_bridge.room import FLOOR_Z, TABLE_X, TABLE_Y, TABLE_Z
-from sim_bridge.shading import shade
+from sim_bridge.rendering.appearance import Appearance
+from sim_bridge.rendering.lit_scene import LitScene
+from sim_bridge.rendering.part import parts_of
+from sim_bridge.rendering.rays import Rays
+from sim_bridge.rendering.room import FLOOR_Z, TABLE_X, TABLE_Y, TABLE_Z
+from sim_bridge.rendering.shading import shade
 
 _RIM = 1e-3  # this near to the table's edge, rays decide [m]
 _UP = np.array([0.0, 0.0, 1.0], dtype=np.float32)

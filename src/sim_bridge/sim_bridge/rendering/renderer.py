@@ -11,18 +11,18 @@ import numpy as np
 import numpy.typing as npt
 
 from cliport_perception import CameraModel, Pose
-from sim_bridge.appearance import Appearance
-from sim_bridge.bodies import Body, bodies_of
-from sim_bridge.clean_frame import CleanFrame
-from sim_bridge.image_window import ImageWindow
-from sim_bridge.lit_scene import LitScene
-from sim_bridge.part import parts_of
-from sim_bridge.rays import Rays, turned
-from sim_bridge.room import FLOOR_Z, TABLE_Z
-from sim_bridge.room_view import RoomView
-from sim_bridge.shading import shade
-from sim_bridge.view import View, along_light
-from sim_bridge.visible import Visible
+from sim_bridge.rendering.appearance import Appearance
+from sim_bridge.rendering.bodies import Body, bodies_of
+from sim_bridge.rendering.clean_frame import CleanFrame
+from sim_bridge.rendering.image_window import ImageWindow
+from sim_bridge.rendering.lit_scene import LitScene
+from sim_bridge.rendering.part import parts_of
+from sim_bridge.rendering.rays import Rays, turned
+from sim_bridge.rendering.room import FLOOR_Z, TABLE_Z
+from sim_bridge.rendering.room_view import RoomView
+from sim_bridge.rendering.shading import shade
+from sim_bridge.rendering.view import View, along_light
+from sim_bridge.rendering.visible import Visible
 
 
 class Renderer:

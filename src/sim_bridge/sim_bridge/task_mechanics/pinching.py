@@ -10,10 +10,10 @@ import numpy.typing as npt
 from scipy.spatial import ConvexHull
 
 from cliport_perception import PlanarPose
-from sim_bridge.mesh import TriangleMesh
+from sim_bridge.geometry.mesh import TriangleMesh
+from sim_bridge.geometry.surface import surface_points
 from sim_bridge.objects import Pinch, SceneObject, Shape
-from sim_bridge.surface import surface_points
-from sim_bridge.tasks.pinch_search import FARTHEST, search_pinches
+from sim_bridge.task_mechanics.pinch_search import FARTHEST, search_pinches
 
 if TYPE_CHECKING:
     from sim_bridge.world import SimWorld

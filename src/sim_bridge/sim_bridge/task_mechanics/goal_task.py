@@ -14,11 +14,11 @@ import numpy as np
 from cliport_perception import PlanarPose
 from sim_bridge.errors import SimulationError
 from sim_bridge.objects import Pinch, SceneObject
-from sim_bridge.tasks.base import Choice, ExpertAction, Split, Task
-from sim_bridge.tasks.finger_room import FingerRoom
-from sim_bridge.tasks.goal import Goal
-from sim_bridge.tasks.pinching import gripper_at, pinches_of
-from sim_bridge.tasks.what_lies import thing_at
+from sim_bridge.task_mechanics.base import Choice, ExpertAction, Split, Task
+from sim_bridge.task_mechanics.finger_room import FingerRoom
+from sim_bridge.task_mechanics.goal import Goal
+from sim_bridge.task_mechanics.pinching import gripper_at, pinches_of
+from sim_bridge.task_mechanics.what_lies import thing_at
 
 if TYPE_CHECKING:
     from sim_bridge.world import SimWorld

@@ -1,8 +1,8 @@
 """The controllers of the arm and of the hand, for whoever steps a world."""
 
-from sim_bridge.arm_reflex import ArmControllerConfig, JointCommand
-from sim_bridge.goal_status import GoalStatus
-from sim_bridge.gripper_controller import (
+from sim_bridge.control.arm_reflex import ArmControllerConfig, JointCommand
+from sim_bridge.control.goal_status import GoalStatus
+from sim_bridge.control.gripper_controller import (
     GripperCommand,
     GripperConfig,
     GripperController,
@@ -11,12 +11,12 @@ from sim_bridge.gripper_controller import (
     GripperGoalError,
     GripperResult,
 )
-from sim_bridge.joint_trajectory_controller import (
+from sim_bridge.control.joint_trajectory_controller import (
     JointTrajectoryController,
     TrajectoryExecution,
     TrajectoryFeedback,
 )
-from sim_bridge.trajectory_goal import (
+from sim_bridge.control.trajectory_goal import (
     ErrorCode,
     GoalRejectedError,
     JointTolerance,

@@ -13,10 +13,10 @@ from cliport_perception import PlanarPose, Pose
 from sim_bridge.errors import LayoutError
 from sim_bridge.everyday import EverydayObject
 from sim_bridge.objects import Collision, Pinch, SceneObject, Shape
-from sim_bridge.tasks.outline_space import free_outline_pose
-from sim_bridge.tasks.palm_room import palm_is_free
-from sim_bridge.tasks.pinch_search import FARTHEST
-from sim_bridge.tasks.pinching import OUTERMOST, gripper_at, pinches_lying
+from sim_bridge.task_mechanics.outline_space import free_outline_pose
+from sim_bridge.task_mechanics.palm_room import palm_is_free
+from sim_bridge.task_mechanics.pinch_search import FARTHEST
+from sim_bridge.task_mechanics.pinching import OUTERMOST, gripper_at, pinches_lying
 
 if TYPE_CHECKING:
     from sim_bridge.world import SimWorld

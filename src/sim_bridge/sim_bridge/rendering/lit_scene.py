@@ -8,10 +8,10 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from sim_bridge.appearance import Appearance
-from sim_bridge.part import Part
-from sim_bridge.rays import Rays
-from sim_bridge.shading import shade, towards_light
+from sim_bridge.rendering.appearance import Appearance
+from sim_bridge.rendering.part import Part
+from sim_bridge.rendering.rays import Rays
+from sim_bridge.rendering.shading import shade, towards_light
 
 _LIFT = 5e-4  # shadow rays start this far off the surface [m]
 

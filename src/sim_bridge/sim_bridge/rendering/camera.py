@@ -8,12 +8,12 @@ import numpy as np
 import numpy.typing as npt
 
 from cliport_perception import CameraModel, Pose
-from sim_bridge.appearance import Appearance
-from sim_bridge.clean_frame import CleanFrame
-from sim_bridge.image_window import ImageWindow
-from sim_bridge.renderer import Renderer
-from sim_bridge.sensor_noise import NoiseConfig, with_noise
-from sim_bridge.visible import Visible
+from sim_bridge.rendering.appearance import Appearance
+from sim_bridge.rendering.clean_frame import CleanFrame
+from sim_bridge.rendering.image_window import ImageWindow
+from sim_bridge.rendering.renderer import Renderer
+from sim_bridge.rendering.sensor_noise import NoiseConfig, with_noise
+from sim_bridge.rendering.visible import Visible
 
 OPTICAL_FRAME = "camera_color_optical_frame"
 _STILL = 2e-4  # a pose's numbers [m, or of a rotation matrix] change less than this while nothing moves

@@ -12,8 +12,8 @@ import numpy.typing as npt
 from scipy.spatial import ConvexHull
 
 from cliport_perception import Pose
-from sim_bridge import mesh_files, outlines
 from sim_bridge.errors import SimulationError
+from sim_bridge.geometry import mesh_files, outlines
 
 _FEW = 64  # vertices
 

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cliport_perception import CameraModel, Pose
-from sim_bridge.image_window import ImageWindow
+from sim_bridge.rendering.image_window import ImageWindow
 
 _NEAREST = 0.02  # nearer to the camera's plane than this, outlines mean nothing [m]
 _SUBPIXEL_BITS = 4

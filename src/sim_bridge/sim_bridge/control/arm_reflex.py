@@ -7,7 +7,7 @@ from typing import Protocol
 
 import numpy as np
 
-from sim_bridge.trajectory_spline import Array, TrajectorySpline
+from sim_bridge.control.trajectory_spline import Array, TrajectorySpline
 
 
 class JointStates(Protocol):

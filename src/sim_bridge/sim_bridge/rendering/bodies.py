@@ -9,10 +9,10 @@ import numpy as np
 import numpy.typing as npt
 
 from cliport_perception import Pose
-from sim_bridge.appearance import Appearance
-from sim_bridge.mesh import TriangleMesh
-from sim_bridge.panda_meshes import panda_meshes
-from sim_bridge.visible import Visible
+from sim_bridge.geometry.mesh import TriangleMesh
+from sim_bridge.rendering.appearance import Appearance
+from sim_bridge.rendering.panda_meshes import panda_meshes
+from sim_bridge.rendering.visible import Visible
 
 
 class Body(NamedTuple):

@@ -8,8 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from cliport_perception import Pose
-from sim_bridge.appearance import Appearance
-from sim_bridge.mesh import TriangleMesh
+from sim_bridge.geometry.mesh import TriangleMesh
+from sim_bridge.rendering.appearance import Appearance
 
 TABLE_X = (-0.3, 0.85)  # base frame [m]
 TABLE_Y = (-0.65, 0.65)

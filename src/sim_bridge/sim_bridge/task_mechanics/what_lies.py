@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 from sim_bridge.objects import SceneObject
-from sim_bridge.tasks.free_space import outline
+from sim_bridge.task_mechanics.free_space import outline
 
 if TYPE_CHECKING:
     from sim_bridge.world import SimWorld

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from cliport_perception import PlanarPose, Pose
 from sim_bridge.errors import LayoutError
 from sim_bridge.objects import Shape
-from sim_bridge.tasks.free_space import BORDER, distance_to_things
+from sim_bridge.task_mechanics.free_space import BORDER, distance_to_things
 
 if TYPE_CHECKING:
     from sim_bridge.world import SimWorld

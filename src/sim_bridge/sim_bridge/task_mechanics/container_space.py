@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from cliport_perception import PlanarPose, Pose
 from sim_bridge.objects import SceneObject
-from sim_bridge.tasks.free_space import outline
+from sim_bridge.task_mechanics.free_space import outline
 
 if TYPE_CHECKING:
     from sim_bridge.world import SimWorld

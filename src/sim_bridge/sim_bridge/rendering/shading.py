@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from sim_bridge.appearance import Appearance
-from sim_bridge.rays import dot
+from sim_bridge.rendering.appearance import Appearance
+from sim_bridge.rendering.rays import dot
 
 
 def shade(

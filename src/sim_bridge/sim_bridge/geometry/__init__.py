@@ -1,0 +1,1 @@
+"""Meshes, outlines, and points on their surfaces."""
