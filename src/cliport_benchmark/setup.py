@@ -26,6 +26,7 @@ setup(
             "demo = cliport_benchmark.demo:main",
             "bench = cliport_benchmark.bench:main",
             "results = cliport_benchmark.results:main",
+            "experiment = cliport_benchmark.experiment_cli:main",
             "gallery = cliport_benchmark.gallery_cli:main",
         ]
     },
