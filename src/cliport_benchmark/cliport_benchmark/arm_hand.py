@@ -15,6 +15,7 @@ from panda_executor.model import PandaModel
 from panda_executor.request import Phase, PickPlaceRequest, PickPlaceResult
 from panda_executor.runner import PickPlaceRunner
 from panda_executor.transfer import TransferPlanner
+from sim_bridge.objects.sleeping import come_to_rest, sleep_where_still
 from sim_bridge.panda import MAX_WIDTH, READY_POSITIONS
 from sim_bridge.rendering.camera import RgbdFrame
 from sim_bridge.world import SimWorld
@@ -48,6 +49,8 @@ class ArmHand:
     def new_scene(self) -> None:
         """The world was reset: the arm is at home."""
         self._motion.reset()
+        if self._world.task is not None and self._world.task.primitive is not Primitive.PICK_PLACE:
+            come_to_rest(self._world)
 
     def execute(
         self,
@@ -57,11 +60,12 @@ class ArmHand:
         primitive: Primitive = Primitive.PICK_PLACE,
     ) -> PickPlaceResult:
         """Do it, with the frame's cloud for grasp height and obstacles, and let the world settle."""
+        drags = primitive is not Primitive.PICK_PLACE
         result = self._runner.run(
             PickPlaceRequest(pick, place, primitive),
             self._observer.cloud(frame),
             self._observer.workspace,
-            _ignore,
+            self._rest_behind if drags else _ignore,
             _never,
         )
         away = np.abs(self._world.panda.state().positions - np.array(READY_POSITIONS)).max()
@@ -69,8 +73,16 @@ class ArmHand:
             self._gripper.move(MAX_WIDTH, _OPEN_FORCE, _never)
             self._runner.go_ready()
         self._motion.rest(_REST)
-        self._world.settle()
+        if drags:
+            come_to_rest(self._world)
+        else:
+            self._world.settle()
         return result
+
+    def _rest_behind(self, phase: Phase, progress: float) -> None:
+        """What was swept or laid down costs nothing while the arm goes away."""
+        if phase is Phase.RETREAT:
+            sleep_where_still(self._world)
 
 
 def _executor_config() -> ExecutorConfig:

@@ -12,7 +12,7 @@ import numpy as np
 from cliport_perception import PlanarPose, Pose
 from sim_bridge.bullet import pybullet
 from sim_bridge.objects import SceneObject
-from sim_bridge.objects.sleeping import put_to_sleep, wake
+from sim_bridge.objects.sleeping import come_to_rest, wake
 from sim_bridge.task_mechanics.what_lies import thing_at
 from sim_bridge.world import SimWorld
 
@@ -25,7 +25,7 @@ _LIFT = 0.02  # of what is held, as in the executor's fold [m]
 _GRIP_FORCE = 50.0  # [N]
 _SPEED = 0.5  # [m/s]
 _ACCELERATION = 2.0  # less than the friction's, so that nothing slides on ahead [m/s^2]
-_SOLVER_ITERATIONS = 30
+_SOLVER_ITERATIONS = 20
 
 
 def sweep(world: SimWorld, pick: PlanarPose, place: PlanarPose) -> None:
@@ -42,7 +42,7 @@ def sweep(world: SimWorld, pick: PlanarPose, place: PlanarPose) -> None:
                 at = Pose(start.rotation, start.translation + way * (gone / length))
                 _put(world, hand, at, way * (speed / length))
                 world.step()
-        _come_to_rest(world)
+        come_to_rest(world)
 
 
 def fold(world: SimWorld, pick: PlanarPose, place: PlanarPose) -> None:
@@ -64,7 +64,7 @@ def fold(world: SimWorld, pick: PlanarPose, place: PlanarPose) -> None:
                 share = gone / length
                 _pull(world, grip, _moved(held, way * share + (0.0, 0.0, _LIFT), turn * share))
                 world.step()
-        _come_to_rest(world)
+        come_to_rest(world)
 
 
 def _progress(length: float, dt: float) -> Iterator[tuple[float, float]]:
@@ -137,12 +137,6 @@ def _pull(world: SimWorld, grip: int, pose: Pose) -> None:
         maxForce=_GRIP_FORCE,
         physicsClientId=world.client,
     )
-
-
-def _come_to_rest(world: SimWorld) -> None:
-    """Then nothing costs anything until it is touched."""
-    if world.settle():
-        put_to_sleep(world, [thing for thing in world.objects if not thing.fixed])
 
 
 @contextmanager

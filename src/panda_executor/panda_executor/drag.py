@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
-from cliport_perception.pose import Pose
+from cliport_perception.pose import PlanarPose, Pose
 from cliport_perception.primitive import Primitive
 from cliport_perception.workspace import WorkspaceSpec
 from panda_executor.errors import ExecutorError, InverseKinematicsError, PlanningError
 from panda_executor.hand_geometry import FINGERTIP_BELOW_TCP, HandShape
-from panda_executor.ik import hand_down_pose
+from panda_executor.ik import hand_down_pose, tilted
 from panda_executor.limits import FloatArray
 from panda_executor.motions import Motion
 from panda_executor.ports import ShouldStop
@@ -69,15 +70,16 @@ def plan_drag(
     request = broadside(request)
     drag = _Drag(planner, request, relevant_points(cloud, workspace), workspace, start)
     reason = "no approach to the start of the line is free"
-    for flip in (0.0, math.pi):
+    deadline = planner.clock() + planner.config.planning_time
+    for lean, flip in itertools.product(planner.config.lean, (0.0, math.pi)):
         try:
-            branches = planner.ik.solve_all(drag.above_pick(flip), start)
+            branches = planner.ik.solve_all(drag.above_pick(flip, lean), start)
         except InverseKinematicsError as error:
             reason = str(error)
             continue
         for branch in branches[:_MAX_BRANCHES]:
-            if should_stop():
-                raise PlanningError("planning was stopped")
+            if planner.clock() > deadline or should_stop():
+                raise PlanningError(f"planning took too long; {reason}")
             try:
                 return drag.plan(branch.positions, flip)
             except ExecutorError as error:
@@ -109,10 +111,9 @@ class _Drag:
         self._working = planner.scene(swept, HandShape(self._opening))
         self._leaving = planner.scene(swept, HandShape())
 
-    def above_pick(self, flip: float) -> Pose:
-        """Where the hand starts down; flip: 0 or pi, the jaws are the same turned around [rad]."""
-        pick = self._request.pick
-        return hand_down_pose(pick.x, pick.y, self._z + self._config.approach_height, pick.yaw + flip)
+    def above_pick(self, flip: float, lean: float) -> Pose:
+        """Where the hand starts down; flip: 0 or pi, the jaws are the same turned around; lean: see config [rad]."""
+        return self._above(self._request.pick, self._request.pick.yaw + flip, lean)
 
     def plan(self, above: FloatArray, flip: float) -> DragPlan:
         """Every motion when the arm comes from configuration `above` (7,) [rad].
@@ -122,21 +123,31 @@ class _Drag:
         """
         pick, place = self._request.pick, self._request.place
         first, last = pick.yaw + flip, pick.yaw + flip + self._turn
-        low, high = self._z + self._lift, self._z + self._config.approach_height
+        low = self._z + self._lift
         descend = self._straight(Phase.DESCEND, above, hand_down_pose(pick.x, pick.y, self._z, first), "go down")
         lift, end = None, descend.trajectory.end
         if self._lift > 0.0:
             lift = self._straight(Phase.RAISE, end, hand_down_pose(pick.x, pick.y, low, first), "lift what it holds")
             end = lift.trajectory.end
         along = self._straight(Phase.CARRY, end, hand_down_pose(place.x, place.y, low, last), "follow the line")
-        leave = self._straight(
-            Phase.RETREAT, along.trajectory.end, hand_down_pose(place.x, place.y, high, last), "rise at the end"
-        )
+        leave = self._rise(along.trajectory.end, last)
         motions, ready = self._planner.motions, self._planner.ready
         go_above = motions.travel(Phase.GO_ABOVE_PICK, self._start, above, self._travelling)
         retreat = motions.travel(Phase.RETREAT, leave.trajectory.end, ready, self._leaving)
         escape = motions.reversed(Phase.RETREAT, descend, self._working)
         return DragPlan(go_above, descend, escape, lift, along, leave, retreat, self._opening)
+
+    def _above(self, at: PlanarPose, yaw: float, lean: float) -> Pose:
+        return tilted(hand_down_pose(at.x, at.y, self._z + self._config.approach_height, yaw), lean)
+
+    def _rise(self, start: FloatArray, yaw: float) -> Motion:
+        """From the end of the line, leaning where the arm cannot fold enough to rise upright."""
+        for lean in self._config.lean:
+            above = self._above(self._request.place, yaw, lean)
+            motion = self._planner.motions.straight(Phase.RETREAT, start, above, self._working)
+            if motion is not None:
+                return motion
+        raise PlanningError("the hand cannot rise at the end")
 
     def _straight(self, phase: Phase, start: FloatArray, end: Pose, what: str) -> Motion:
         speed = self._config.drag.speed if phase is Phase.CARRY else None

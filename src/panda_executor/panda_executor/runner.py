@@ -27,7 +27,8 @@ from panda_executor.validation import validate_trajectory
 OnPhase = Callable[[Phase, float], None]
 Cloud = npt.NDArray[np.float32]
 
-_SAME_WIDTH = 0.003  # the fingers need not move for less [m]
+_SAME_WIDTH = 0.003  # the fingers need not close for less [m]
+_PLAY = 0.0005  # nor open for less [m]
 _RELEASE = 0.006  # that the fingers open at least to let go [m]
 
 
@@ -269,7 +270,7 @@ class _Run:
 
     def _fingers(self, width: float, effort: float) -> None:
         self._check_stop()
-        if width > 0.0 and abs(self._gripper.width() - width) < _SAME_WIDTH:
+        if width > 0.0 and -_PLAY < self._gripper.width() - width < _SAME_WIDTH:
             return
         result = self._gripper.move(width, effort, self._should_stop)
         self._check_stop()

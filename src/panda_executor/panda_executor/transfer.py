@@ -76,7 +76,7 @@ class TransferPlanner:
     ) -> None:
         self.config = config or ExecutorConfig()
         self.model = model
-        self._clock = clock
+        self.clock = clock
         if not model.has_fixed_box("table"):
             add_surroundings(model, self.config.scene)
         self.ik = HandDownIk(model)
@@ -126,7 +126,7 @@ class TransferPlanner:
             GraspError: when the cloud gives no grasp.
             PlanningError: when no grasp, branch and path was found that is valid throughout.
         """
-        deadline = self._clock() + self.config.planning_time
+        deadline = self.clock() + self.config.planning_time
         cloud = relevant_points(cloud, workspace)
         grid = self.grid(cloud, workspace, start)
         on_phase(Phase.GRASP_PLANNING, 0.0)
@@ -137,7 +137,7 @@ class TransferPlanner:
             rest = cloud[~grasp.covers(cloud, _OWN_MARGIN)]
             rest_grid = self.grid(rest, workspace, start)
             for flip in self._flips(grasp, start):
-                if self._clock() > deadline or should_stop():
+                if self.clock() > deadline or should_stop():
                     raise PlanningError(reason or "planning took too long")
                 try:
                     plan = self._plan_grasp(request, grasp, flip, rest, workspace, grid, rest_grid, start)

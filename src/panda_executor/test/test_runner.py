@@ -104,6 +104,30 @@ def test_drags(bench: Bench, primitive: Primitive, plan_only: bool) -> None:
     assert len(bench.arm.sent) == (0 if plan_only else motions)
 
 
+FOLD = PickPlaceRequest(PlanarPose(0.35, 0.0, 0.0), PlanarPose(0.35, 0.2, 0.0), Primitive.FOLD)
+
+
+def test_a_fold_that_holds_nothing_goes_up_again_and_home(bench: Bench) -> None:
+    bench.gripper.object_width = 0.0
+    result = bench.run(FOLD)
+    assert result.outcome is Outcome.GRASP_MISSED, result.message
+    assert "closed on nothing" in result.message
+    assert len(bench.arm.sent) == 4  # above, down, up, home
+    np.testing.assert_allclose(bench.arm.positions, READY_POSITIONS, atol=1e-6)
+    assert bench.gripper.moves[-1] == bench.runner.config.drag.fold_opening
+
+
+def test_a_fold_that_loses_its_bead_says_so(bench: Bench) -> None:
+    def lose(motion: int, share: float) -> None:
+        if motion == 3 and share > 0.5:
+            bench.gripper.lose_object()
+
+    bench.arm.on_step = lose
+    result = bench.run(FOLD)
+    assert result.outcome is Outcome.DROPPED and "carry" in result.message
+    np.testing.assert_allclose(bench.arm.positions, READY_POSITIONS, atol=1e-6)
+
+
 @pytest.mark.parametrize(
     ("request_", "words"),
     [

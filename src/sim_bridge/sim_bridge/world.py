@@ -198,6 +198,11 @@ class SimWorld:
         x, y = self.object_xy(thing)
         return PlanarPose(float(x), float(y), self.object_yaw(thing))
 
+    def is_still(self, thing: SceneObject) -> bool:
+        """Whether an object moves slower than `settled_speed`."""
+        linear, _ = pybullet.getBaseVelocity(thing.body, physicsClientId=self.client)
+        return math.hypot(*linear) < self.config.settled_speed
+
     def move_object(self, thing: SceneObject, pose: Pose) -> None:
         """Put an object somewhere, at rest (for demonstrations without the arm, and for tests)."""
         pybullet.resetBasePositionAndOrientation(
@@ -215,13 +220,7 @@ class SimWorld:
             self.client = -1
 
     def _at_rest(self) -> bool:
-        for thing in self._objects:
-            if thing.fixed:
-                continue
-            linear, _ = pybullet.getBaseVelocity(thing.body, physicsClientId=self.client)
-            if np.linalg.norm(linear) >= self.config.settled_speed:
-                return False
-        return True
+        return all(thing.fixed or self.is_still(thing) for thing in self._objects)
 
     def _check(self) -> None:
         """Physics that explodes must not become a score."""

@@ -5,9 +5,10 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from cliport_perception import Pose, Primitive
+from cliport_perception import PlanarPose, Pose, Primitive
 from sim_bridge.colors import SEEN_PALETTE, UNSEEN_PALETTE
 from sim_bridge.tasks.separating_piles import N_BLOCKS, SeparatingPiles
+from sim_bridge.tasks.sweep_expert import next_sweep, on_the_way
 from sim_bridge.world import SimWorld
 
 SEEN, UNSEEN = "separating-piles-seen-colors", "separating-piles-unseen-colors"
@@ -86,3 +87,15 @@ def test_the_same_seed_is_the_same_pile(world: SimWorld) -> None:
     first = where()
     world.reset(SEEN, "val", 4)
     assert where() == first
+
+
+def test_a_block_just_outside_is_pushed_in_and_no_farther(world: SimWorld) -> None:
+    spec, zone = world.config.workspace, PlanarPose(0.5, 0.1, 0.0)
+    things = np.array([[0.5, 0.1], [0.5, 0.1 - 0.06], [0.35, 0.3]])
+    sweep = next_sweep(things[:2], zone, 0.12, spec)
+    assert sweep is not None
+    start, end = sweep
+    assert start.y < things[1, 1] < end.y + 0.014 < 0.075  # the hand's front stops soon after the edge
+    assert on_the_way(things, start, end).tolist() == [False, True, False]
+    assert on_the_way(things, start, start).tolist() == [False] * 3
+    assert next_sweep(things[:1], zone, 0.12, spec) is None

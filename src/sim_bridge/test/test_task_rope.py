@@ -8,6 +8,7 @@ import pytest
 from cliport_perception import Pose, Primitive
 from sim_bridge.objects.rope import BEAD_SPACING, ROPE_BEADS
 from sim_bridge.tasks.align_rope import SIDES, AlignRope
+from sim_bridge.tasks.rope_expert import next_fold
 from sim_bridge.world import SimWorld
 
 
@@ -80,3 +81,13 @@ def test_the_expert_folds_a_bead_to_a_slot(world: SimWorld) -> None:
     assert action is not None and action.primitive is Primitive.FOLD
     choice = task.judge(action.pick, action.place)
     assert choice.picked.endswith("bead") and choice.place_right
+
+
+def test_an_end_beside_the_rope_is_worth_more_than_a_bead_almost_right() -> None:
+    slots = np.column_stack([np.full(ROPE_BEADS, 0.5), np.arange(ROPE_BEADS) * BEAD_SPACING])
+    beads = slots + np.array([0.012, 0.0])
+    beads[:5] = beads[10:5:-1] + np.array([0.016, 0.0])  # folded back at bead 5; the fingers would meet the rest there
+    action = next_fold(beads, slots, "")
+    assert action is not None
+    np.testing.assert_allclose((action.pick.x, action.pick.y), beads[0])
+    np.testing.assert_allclose((action.place.x, action.place.y), slots[0])

@@ -17,31 +17,29 @@ _OPENING = 0.03  # between the opened fingers [m]
 _FINGER = 0.0152  # thickness, along the closing direction [m]
 _FINGER_HALF_WIDTH = 0.0105  # [m]
 _BEAD_REACH = 0.008  # of a bead about its middle [m]
+_PER_MET = 0.03  # that a bead must be farther away to be worth another under the fingers [m]
 _TILTS = tuple(math.radians(a) for a in (0, 15, -15, 30, -30, 45, -45))  # of the jaws against straight across
 
 
 def next_fold(beads: FloatArray, slots: FloatArray, sentence: str) -> ExpertAction | None:
-    """The bead farthest from its slot to that slot; beads and slots (20, 2) [m] in their order along the rope.
+    """A bead far from its slot to that slot; beads and slots (20, 2) [m] in their order along the rope.
 
-    Slots count from the end that fits better. The jaws close across the rope, where the opened fingers meet the
-    fewest other beads. None when every bead lies right.
+    Slots count from the end that fits better. The jaws close across the rope, where the opened fingers meet few
+    other beads. None when every bead lies right.
     """
     slots = min((slots, slots[::-1]), key=lambda s: float(np.linalg.norm(beads - s, axis=1).sum()))
     distance = np.linalg.norm(beads - slots, axis=1)
     along = math.atan2(*(slots[-1] - slots[0])[::-1])
-    ways: list[tuple[float, int, int, float, float]] = []
-    for i in np.argsort(-distance, kind="stable"):
-        if distance[i] < _IN_PLACE:
-            break
+    ways: list[tuple[float, int, float, float]] = []
+    for i in np.flatnonzero(distance >= _IN_PLACE).tolist():
         before, after = beads[max(i - 1, 0)], beads[min(i + 1, len(beads) - 1)]
         tangent = math.atan2(*(after - before)[::-1])
         for tilt in _TILTS:
-            ways.append((_met(beads, i, tangent + math.pi / 2 + tilt), len(ways), int(i), tangent, tilt))
-        if min(ways)[0] == 0:
-            break
+            met = _met(beads, i, tangent + math.pi / 2 + tilt)
+            ways.append((distance[i] - _PER_MET * met, i, tangent, tilt))
     if not ways:
         return None
-    _, _, i, tangent, tilt = min(ways)
+    _, i, tangent, tilt = max(ways, key=lambda way: way[0])
     yaw = math.remainder(tangent + math.pi / 2 + tilt, math.pi)
     turn = math.remainder(along - tangent, math.tau)
     turn = max(-math.pi / 2, min(math.pi / 2, turn))

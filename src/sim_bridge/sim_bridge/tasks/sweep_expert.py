@@ -17,6 +17,7 @@ BoolArray = npt.NDArray[np.bool_]
 HAND_WIDTH = 0.032  # of the closed fingers, across the motion [m]
 HAND_DEPTH = 0.018  # along the motion [m]
 _THING = 0.01  # edge of what is swept [m]
+_TO_THING = HAND_DEPTH / 2 + _THING / 2  # from the hand's middle to that of a thing that it pushes [m]
 _PITCH = 0.011  # of things that are pushed one before another [m]
 _LANES = 3  # of things side by side before the hand
 _LOST = 0.04  # chance, for each thing that is pushed before another, to slip past the hand
@@ -26,11 +27,11 @@ _SAFE = 0.009  # a thing this far inside the zone's edge is there to stay [m]
 _FIRSTS = 24  # things outside, the farthest ones, behind which a sweep may begin
 _SHIFTS = (-0.008, 0.0, 0.008)  # of the hand to the side of that thing [m]
 _ENDS = 4  # places along each axis of the zone to which things may be brought
-_EDGE = 0.012  # these places are that far inside the zone's edge [m]
+_EDGE = 0.011  # these places are that far inside the zone's edge [m]
 _BORDER = 0.005  # along the workspace's edge, where no sweep begins [m]
 _BACK_STEPS, _BACK_STEP = 24, 0.005  # how far behind the first thing a sweep may begin [m]
 _FREE = 0.01  # from the middle of a thing to the hand that goes down beside it [m]
-_SHORTEST = 0.02  # [m]
+_SHORTEST = 0.003  # way of a thing [m]
 _PER_METRE = 1.0  # how many things a sweep's length [m] must be worth, and a thing's way to the zone
 
 
@@ -43,7 +44,7 @@ def next_sweep(
     worth = square.worth(things)
     outside = np.flatnonzero(worth < 1.0)
     firsts = things[outside[np.argsort(worth[outside], kind="stable")][:_FIRSTS]]
-    sweeps = _Sweeps.between(firsts, square.places())
+    sweeps = _Sweeps.between(firsts, square.places(firsts))
     back = sweeps.run_ups(things, workspace)
     gain = sweeps.gain(things, back, square)
     if not np.isfinite(gain).any():
@@ -57,9 +58,10 @@ def next_sweep(
 
 def on_the_way(things: FloatArray, start: PlanarPose, end: PlanarPose) -> BoolArray:
     """Which things (N, 2) [m] the hand meets from start to end."""
-    sweep = _Sweeps.between(np.array([[start.x, start.y]]), np.array([[end.x, end.y]]), shifts=(0.0,))
+    sweep = _Sweeps.between(np.array([[start.x, start.y]]), np.array([[[end.x, end.y]]]), shifts=(0.0,))
     along, across = sweep.local(things)
-    met = (along > 0.0) & (along < sweep.length[:, None] + HAND_DEPTH / 2) & (abs(across) < HAND_WIDTH / 2)
+    front = (sweep.length + _TO_THING)[:, None] + HAND_DEPTH / 2
+    met = (along > 0.0) & (along < front) & (abs(across) < HAND_WIDTH / 2)
     return np.asarray(met.any(axis=0))
 
 
@@ -68,19 +70,25 @@ class _Zone:
     pose: PlanarPose
     size: float
 
-    def places(self) -> FloatArray:
-        """(M, 2) to which things may be brought [m, base frame]."""
-        steps = np.linspace(-1.0, 1.0, _ENDS) * (self.size / 2 - _EDGE)
-        local = np.array(list(itertools.product(steps, steps)))
+    def places(self, things: FloatArray) -> FloatArray:
+        """(N, M, 2) to which each thing (N, 2) may be brought: the nearest place, then some all over the zone [m]."""
+        reach = self.size / 2 - _EDGE
+        steps = np.linspace(-reach, reach, _ENDS)
+        spread = np.array(list(itertools.product(steps, steps)))
+        nearest = np.clip(self._local(things), -reach, reach)
+        local = np.concatenate([nearest[:, None], np.tile(spread, (len(things), 1, 1))], axis=1)
         return local @ self._turn().T + (self.pose.x, self.pose.y)
 
     def worth(self, at: FloatArray) -> FloatArray:
         """(...) of things at (..., 2) [m]: 1 well inside, less from the edge on, always less farther away."""
-        local = np.abs((at - (self.pose.x, self.pose.y)) @ self._turn())
+        local = np.abs(self._local(at))
         beyond = (local - self.size / 2).max(axis=-1)
         away = np.linalg.norm(np.maximum(local - self.size / 2, 0.0), axis=-1)
         worth: FloatArray = np.clip(0.5 - beyond / (2 * _SAFE), 0.0, 1.0) - _PER_METRE * away
         return worth
+
+    def _local(self, at: FloatArray) -> FloatArray:
+        return np.asarray((at - (self.pose.x, self.pose.y)) @ self._turn())
 
     def _turn(self) -> FloatArray:
         c, s = math.cos(self.pose.yaw), math.sin(self.pose.yaw)
@@ -89,7 +97,8 @@ class _Zone:
 
 @dataclass(frozen=True, eq=False)
 class _Sweeps:
-    """Candidates (C): of the hand's middle, the way `length` [m] from `start` (C, 2) in direction `forth` (C, 2)."""
+    """Candidates (C): the hand's middle goes from behind `start` (C, 2), where the first thing is, in direction `forth`
+    (C, 2) until it is `length` [m] beyond that start (before it, where negative)."""
 
     start: FloatArray
     forth: FloatArray
@@ -97,15 +106,15 @@ class _Sweeps:
 
     @classmethod
     def between(cls, starts: FloatArray, ends: FloatArray, shifts: tuple[float, ...] = _SHIFTS) -> _Sweeps:
-        """From every start (F, 2) to every end (M, 2) that is not too near, shifted to either side."""
-        start = np.repeat(starts, len(ends) * len(shifts), axis=0)
-        end = np.tile(np.repeat(ends, len(shifts), axis=0), (len(starts), 1))
-        shift = np.tile(shifts, len(starts) * len(ends))[:, None]
-        length = np.linalg.norm(end - start, axis=1)
-        keep = length > _SHORTEST
-        start, length, shift = start[keep], length[keep], shift[keep]
-        forth = (end[keep] - start) / length[:, None]
-        return cls(start + shift * np.column_stack([-forth[:, 1], forth[:, 0]]), forth, length)
+        """Each start (F, 2) to its ends (F, M, 2) for a thing that is pushed, the hand shifted to either side."""
+        start = np.repeat(starts, ends.shape[1] * len(shifts), axis=0)
+        end = np.repeat(ends.reshape(-1, 2), len(shifts), axis=0)
+        shift = np.tile(shifts, ends.shape[0] * ends.shape[1])[:, None]
+        way = np.linalg.norm(end - start, axis=1)
+        keep = way > _SHORTEST
+        start, shift, way = start[keep], shift[keep], way[keep]
+        forth = (end[keep] - start) / way[:, None]
+        return cls(start + shift * np.column_stack([-forth[:, 1], forth[:, 0]]), forth, way - _TO_THING)
 
     def local(self, things: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Where things (N, 2) are, seen from each start: along the motion and to its left (C, N) [m]."""
@@ -121,7 +130,7 @@ class _Sweeps:
         along = np.where(np.abs(across) < HAND_WIDTH / 2 + _FREE, along, np.inf)
         found = np.full(len(self.length), np.inf)
         for step in range(_BACK_STEPS):
-            back = _THING / 2 + HAND_DEPTH / 2 + _FREE / 2 + step * _BACK_STEP
+            back = _TO_THING + _FREE / 2 + step * _BACK_STEP
             at = self.start - self.forth * back
             blocked = (np.abs(along + back) < HAND_DEPTH / 2 + _FREE).any(axis=1)
             blocked |= ((at < low) | (at > high)).any(axis=1)
@@ -131,7 +140,7 @@ class _Sweeps:
     def gain(self, things: FloatArray, back: FloatArray, zone: _Zone) -> FloatArray:
         """(C,) in things; minus infinity where the hand cannot go down `back` (C,) [m] behind the start."""
         along, across = self.local(things)
-        front = (self.length + HAND_DEPTH / 2 + _THING / 2)[:, None]
+        front = (self.length + _TO_THING)[:, None]
         met = along > -back[:, None]
         caught = met & (np.abs(across) < HAND_WIDTH / 2)
         lane = np.where(caught, np.floor((across / HAND_WIDTH + 0.5) * _LANES), -1.0)
