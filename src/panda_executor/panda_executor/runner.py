@@ -197,7 +197,7 @@ class _Run:
         self._move(plan.drag, watch_load=fold)
         if fold:
             self._enter(Phase.OPEN)
-            self._fingers(plan.opening, self._config.open_force)
+            self._let_go(plan.opening)
         self._move(plan.leave)
         self._move(plan.retreat)
         self._enter(Phase.DONE)
@@ -210,7 +210,9 @@ class _Run:
             escape = Motion(Phase.RETREAT, plan.raise_up.trajectory, plan.descend.scene)
             self._give_up_at(plan.grasp.opening, escape, why)
 
-    def _give_up_at(self, opening: float, escape: Motion | None, why: str) -> None:
+    def _give_up_at(
+        self, opening: float, escape: Motion | None, why: str, outcome: Outcome = Outcome.GRASP_MISSED
+    ) -> None:
         """Open, rise out of the objects, and clear the view, so that a fresh observation can be made."""
         self._enter(Phase.RETREAT)
         try:
@@ -220,7 +222,7 @@ class _Run:
             self._retreat_from_here()
         except ExecutorError as error:
             why = f"{why}; the arm stays where it is: {error}"
-        raise _Ended(Outcome.GRASP_MISSED, why)
+        raise _Ended(outcome, why)
 
     def _retreat_from_here(self) -> None:
         start = np.array(self._arm.joint_positions(), dtype=np.float64)
@@ -244,7 +246,8 @@ class _Run:
         if self._should_stop():
             raise _Ended(Outcome.CANCELLED, f"cancelled during {motion.phase.name.lower()}; the arm holds")
         if lost or (watch_load and self._is_empty()):
-            self._dropped(motion.phase)
+            why = f"the object was lost during {motion.phase.name.lower()}"
+            self._give_up_at(self._config.release_opening, None, why, Outcome.DROPPED)
         if result.status is not MotionStatus.SUCCEEDED:
             why = result.message or "no reason given"
             raise _Ended(
@@ -259,15 +262,6 @@ class _Run:
         except TrajectoryError as error:
             raise _Ended(Outcome.EXECUTION_FAILED, f"{motion.phase.name.lower()} was not sent: {error}") from None
 
-    def _dropped(self, phase: Phase) -> None:
-        why = f"the object was lost during {phase.name.lower()}"
-        try:
-            self._fingers(self._config.release_opening, self._config.open_force)
-            self._retreat_from_here()
-        except ExecutorError as error:
-            why = f"{why}; the arm stays where it is: {error}"
-        raise _Ended(Outcome.DROPPED, why)
-
     def _fingers(self, width: float, effort: float) -> None:
         self._check_stop()
         if width > 0.0 and -_PLAY < self._gripper.width() - width < _SAME_WIDTH:
@@ -279,7 +273,7 @@ class _Run:
             raise _Ended(Outcome.EXECUTION_FAILED, f"the gripper's motion {result.status.value}: {why}")
 
     def _let_go(self, opening: float) -> None:
-        """Open to `opening` [m], or until the fingers meet a wall beside the object once it is free."""
+        """Open to `opening` [m], or until the fingers meet what is beside the object once it is free."""
         held = self._gripper.width()
         # what is held may be wider than it was seen
         wide = min(max(opening, held + _RELEASE), MAX_OPENING)

@@ -117,6 +117,21 @@ def test_a_fold_that_holds_nothing_goes_up_again_and_home(bench: Bench) -> None:
     assert bench.gripper.moves[-1] == bench.runner.config.drag.fold_opening
 
 
+def test_a_fold_lets_go_among_neighbours(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    bench.gripper.object_width = 0.01
+    free = bench.gripper.move
+
+    def move(width: float, max_effort: float, should_stop: ShouldStop) -> GripperResult:
+        if bench.gripper.opening > 0.01 or width < 0.01:
+            return free(width, max_effort, should_stop)
+        bench.gripper.opening = 0.014
+        return GripperResult(0.014, False, False, MotionStatus.ABORTED, "the fingers did not settle")
+
+    monkeypatch.setattr(bench.gripper, "move", move)
+    result = bench.run(FOLD)
+    assert result.outcome is Outcome.SUCCEEDED, result.message
+
+
 def test_a_fold_that_loses_its_bead_says_so(bench: Bench) -> None:
     def lose(motion: int, share: float) -> None:
         if motion == 3 and share > 0.5:
