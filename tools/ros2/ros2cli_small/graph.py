@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import os
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
@@ -31,8 +31,8 @@ def add_node_arguments(parser: argparse.ArgumentParser, spin_time: float = DISCO
 
 
 @contextmanager
-def command_node(use_sim_time: bool = False, name: str | None = None) -> Iterator[Node]:
-    """Yield a node. Ctrl-C stays Python's, so that every command ends in one place."""
+def command_node(use_sim_time: bool = False, name: str | None = None, remappings: Sequence[str] = ()) -> Iterator[Node]:
+    """Yield a node, with `old:=new` remappings. Ctrl-C stays Python's, so that every command ends in one place."""
     import rclpy
     from rclpy.parameter import Parameter
     from rclpy.signals import SignalHandlerOptions
@@ -41,6 +41,7 @@ def command_node(use_sim_time: bool = False, name: str | None = None) -> Iterato
     try:
         node = rclpy.create_node(
             name or f"_ros2cli_{os.getpid()}",
+            cli_args=["--ros-args", *(part for rule in remappings for part in ("-r", rule))],
             start_parameter_services=False,
             parameter_overrides=[Parameter("use_sim_time", value=True)] if use_sim_time else [],
         )

@@ -8,6 +8,9 @@ import signal
 import sys
 
 from ros2cli_small import launch, run, service_call, topic_echo, topic_hz, topic_list, topic_pub
+from ros2cli_small.bag import info as bag_info
+from ros2cli_small.bag import play as bag_play
+from ros2cli_small.bag import record as bag_record
 from ros2cli_small.errors import CommandError
 
 
@@ -23,6 +26,12 @@ def build_parser() -> argparse.ArgumentParser:
     verbs = topic.add_subparsers(title="Commands", metavar="verb")
     for verb in (topic_echo, topic_hz, topic_list, topic_pub):
         verb.add_parser(verbs)
+
+    bag = commands.add_parser("bag", help="Various rosbag related sub-commands")
+    bag.set_defaults(group=bag)
+    bag_verbs = bag.add_subparsers(title="Commands", metavar="verb")
+    for bag_verb in (bag_info, bag_play, bag_record):
+        bag_verb.add_parser(bag_verbs)
 
     service = commands.add_parser("service", help="Various service related sub-commands")
     service.set_defaults(group=service)
