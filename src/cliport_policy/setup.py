@@ -19,6 +19,8 @@ setup(
     license="Apache-2.0",
     entry_points={
         "console_scripts": [
+            "calibrate = cliport_policy.calibrate:main",
+            "explain = cliport_policy.explain:main",
             "server = cliport_policy.node:main",
             "train = cliport_policy.train:main",
         ]

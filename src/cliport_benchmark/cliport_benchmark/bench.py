@@ -8,8 +8,9 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from importlib import metadata
+from itertools import pairwise
 from pathlib import Path
 from statistics import median
 
@@ -114,34 +115,42 @@ def bench_planning() -> list[Row]:
     return [row("plan_transfer", samples, "ms")]
 
 
-def bench_training() -> list[Row]:
-    """One training sample of the compact network, forward and backward, in batches of 16 of random data."""
-    import torch
+def bench_training() -> Iterator[Row]:
+    """A sample of training the compact network, data and all, and of the loader alone, on rendered scenes.
 
-    from cliport_policy.batches import Batch
+    train_sample_compact: as training is by default, 4 of the place's 36 rotations and 12 of the rotator's in a sample's
+    softmax; train_sample_compact_all: all 36 of both.
+    """
+    from cliport_benchmark.generate import GenerateConfig, make_part
+    from cliport_benchmark.json_files import write_json
     from cliport_policy.config import NetworkConfig, TrainConfig
-    from cliport_policy.losses import compute_losses
-    from cliport_policy.networks.compact import CompactNetwork
+    from cliport_policy.data.demonstrations import load_demonstrations
+    from cliport_policy.data.mixture import Source
+    from cliport_policy.language import shared_encoder
+    from cliport_policy.training.allocator import keep_freed_memory
+    from cliport_policy.training.trainer import Trainer
 
-    config = TrainConfig()
-    size = config.batch_size
-    generator = torch.Generator().manual_seed(0)
-    network = CompactNetwork(NetworkConfig()).to(memory_format=torch.channels_last)  # type: ignore[call-overload]
-    pixels = torch.rand(size, 2, generator=generator) * torch.tensor([319.0, 159.0])
-    batch = Batch(
-        torch.randn(size, 5, 320, 160, generator=generator), [TASK] * size,
-        torch.zeros(size, dtype=torch.bool), pixels, torch.zeros(size), torch.full((size,), np.pi / 2),
-        pixels.flip(0), torch.zeros(size),
-    )  # fmt: skip
+    keep_freed_memory()
+    with tempfile.TemporaryDirectory() as name:
+        folder, scenes = Path(name), GenerateConfig(TASK, "train", 0, 12)
+        write_json(folder / "meta.json", scenes.settings())
+        make_part(scenes, folder, 0)
+        sources = [Source(load_demonstrations(folder))]
+        every = TrainConfig(steps=8, phrases_per_goal=3, rotator_rotations=0, transport_rotations=0)
+        for label, config in (("", TrainConfig(steps=16, phrases_per_goal=3)), ("_all", every)):
+            trainer = Trainer(sources, folder / f"out{label}", NetworkConfig(), config, shared_encoder(), {})
+            ends: list[float] = []
+            trainer.run(lambda _, ends=ends: ends.append(time.perf_counter()))  # type: ignore[misc]
+            yield row(f"train_sample_compact{label}", _ms_between(ends[2:], config.batch_size), "ms")
+        ends = []
+        for _, _step in zip(range(69), trainer.loader.steps(0), strict=False):
+            ends.append(time.perf_counter())
+        yield row("load_sample", _ms_between(ends[4::8], 8 * config.batch_size), "ms")  # steps come in bursts
 
-    def step() -> None:
-        with torch.autocast("cpu", torch.bfloat16):
-            losses = compute_losses(network, batch, config, generator)
-        losses.total().backward()
 
-    batches = timed("train_sample_compact", step, 8, warmup=2)
-    scaled = {name: round(getattr(batches, name) / size, 2) for name in ("median", "min", "max")}
-    return [replace(batches, **scaled)]
+def _ms_between(ends: list[float], size: int) -> list[float]:
+    """Milliseconds a sample, of so many that ended at each of these seconds."""
+    return [1000 * (b - a) / size for a, b in pairwise(ends)]
 
 
 def bench_first_motion(n: int = 5) -> list[Row]:
@@ -176,14 +185,39 @@ def bench_generation() -> Iterator[Row]:
         yield row(f"generate_fast_{task}_ratio", [rate * seconds / 60.0 for rate in rates], "x")
 
 
+def bench_inference() -> Iterator[Row]:
+    """Memory of a process that acts, and what each trick takes beside the plain computation."""
+    from cliport_benchmark.bench_inference import footprint, tricks
+
+    found = footprint("default")
+    yield row("load_compact", found["loading"], "s")
+    yield row("resident_compact", found["resident"], "MB")
+    yield row("highest_compact", found["highest"], "MB")
+    for name, call in tricks():
+        yield timed(name, call, 10)
+
+
+def bench_paper_size() -> Iterator[Row]:
+    """The `cliport` network at full size with random weights: one action, and the memory of its process."""
+    from cliport_benchmark.bench_inference import paper_size_footprint
+
+    found = paper_size_footprint()
+    yield row("load_cliport", found["loading"], "s")
+    yield row("action_cliport", found["actions"], "ms")
+    yield row("resident_cliport", found["resident"], "MB")
+    yield row("highest_cliport", found["highest"], "MB")
+
+
 BENCHES: dict[str, Callable[[], Iterable[Row]]] = {
     "camera_and_action": bench_camera_and_action,
     "planning": bench_planning,
     "training": bench_training,
     "first_motion": bench_first_motion,
+    "inference": bench_inference,
+    "paper_size": bench_paper_size,
     "generation": bench_generation,
 }
-ON_REQUEST = ("generation",)  # minutes each: not part of `make bench`
+ON_REQUEST = ("paper_size", "generation")  # minutes each: not part of `make bench`
 
 
 def versions() -> dict[str, str]:

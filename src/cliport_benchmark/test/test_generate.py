@@ -12,14 +12,21 @@ import pytest
 
 from cliport_benchmark import generate as module
 from cliport_benchmark import generate_cli
-from cliport_benchmark.dataset_format import Row, part_path, read_part
+from cliport_benchmark.dataset_format import (
+    HEIGHT_UNIT,
+    Row,
+    decode_heightmap,
+    encode_heightmap,
+    part_path,
+    read_part,
+)
 from cliport_benchmark.episode_recorder import Hand, record_episode
 from cliport_benchmark.errors import DataFolderError, OptionError
 from cliport_benchmark.generate import GenerateConfig, Mode, PartReport, generate, make_part
 from cliport_benchmark.json_files import read_json
 from cliport_benchmark.observer import Observer
 from cliport_perception import PlanarPose, Primitive, WorkspaceSpec
-from cliport_policy.demonstrations import load_demonstrations
+from cliport_policy.data.demonstrations import load_demonstrations
 from sim_bridge.colors import COLORS, SEEN_PALETTE
 from sim_bridge.errors import PhysicsError
 from sim_bridge.rendering.camera import RgbdFrame
@@ -87,6 +94,21 @@ def test_a_row_needs_no_code_of_this_project(folder: Path) -> None:
     metres = height * meta["height_unit"] + meta["workspace"]["z_min"]
     demo = row["demos"][0]
     assert height.dtype == np.uint16 and metres[demo["pick_row"], demo["pick_col"]] == pytest.approx(0.04, abs=0.012)
+
+
+def test_a_step_takes_less_than_a_hundred_kilobytes(folder: Path) -> None:
+    path = part_path(folder, 0)
+    assert path.stat().st_size < 100_000 * pq.read_metadata(path).num_rows
+
+
+def test_what_is_stored_is_what_was_seen_to_within_the_noise(folder: Path) -> None:
+    seen = read_part(part_path(folder, 0), WorkspaceSpec())[0].heightmap
+    again = decode_heightmap(*encode_heightmap(seen), WorkspaceSpec())
+    assert np.array_equal(again.color, seen.color) and np.array_equal(again.valid, seen.valid)
+    finer = replace(seen, color=seen.color | 1, height=seen.height + np.float32(0.0002))
+    stored = decode_heightmap(*encode_heightmap(finer), WorkspaceSpec())
+    assert np.abs(stored.color.astype(int) - finer.color).max() <= 1
+    assert np.abs(stored.height - finer.height)[seen.valid].max() <= HEIGHT_UNIT / 2 + 1e-6
 
 
 def test_a_sequence_has_a_sentence_a_step_and_ends_under_its_last(tmp_path: Path) -> None:

@@ -27,7 +27,7 @@ class PickPlaceAction:
     """One pick and one place in the base frame, yaw about +z; place.yaw = pick.yaw + the chosen relative rotation.
 
     Pixels are (row, col) on the workspace grid. Confidences are the probability mass within
-    a 3 cm disc around the chosen pixel, in [0, 1]. done_probability is the null action's share:
+    a 3 cm disc around the chosen pixel, whatever the rotation, in [0, 1]. done_probability is the null action's share:
     how likely it is that nothing remains to be done for the instruction.
     """
 
@@ -39,3 +39,16 @@ class PickPlaceAction:
     place_confidence: float
     done_probability: float
     maps: AffordanceMaps | None = None
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """An action with its maps, and what was thought of the rotations, bin i standing for i * 360 / k degrees.
+
+    yaws: (k,) float32, probability of each gripper yaw at the pick; None for a network without a rotator.
+    rotations: (k,) float32, probability of each rotation from pick to place, over all places.
+    """
+
+    action: PickPlaceAction
+    yaws: NDArray[np.float32] | None
+    rotations: NDArray[np.float32]

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import json
+import math
 import os
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from safetensors import SafetensorError
-from safetensors.torch import load_file, save_file
+from safetensors import SafetensorError, safe_open
+from safetensors.torch import save_file
 from torch import Tensor
 
 from cliport_perception.workspace import WorkspaceSpec
@@ -19,6 +22,7 @@ from cliport_policy.named_configs import AnyNetworkConfig, network_config_from_d
 FORMAT_VERSION = 1
 SHIPPED_FOLDER = Path(__file__).parent / "weights"
 DEFAULT_NAME = "compact-bowls"
+CALIBRATED = ("pick", "place")
 ANCHORS = "instruction_anchors"  # the tensor of training sentences that new ones are compared with
 
 
@@ -27,6 +31,7 @@ class Card:
     """What a checkpoint is: its network, its workspace, the text encoder it expects and how it came about.
 
     frozen: name and fingerprint of the frozen encoders that a network of streams was trained on.
+    temperatures: what the logits of `pick` and `place` are divided by for calibrated confidences; 1 where absent.
     min_similarity: an instruction whose sentence vector is less similar than this to every anchor is refused.
     """
 
@@ -37,6 +42,16 @@ class Card:
     made_by: dict[str, Any] = field(default_factory=dict)
     scores: dict[str, Any] = field(default_factory=dict)
     frozen: str = ""
+    temperatures: dict[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for name, value in self.temperatures.items():
+            if name not in CALIBRATED or not 0 < value < math.inf:
+                raise ConfigError(f"a temperature must be positive and of {' or '.join(CALIBRATED)}: {name} is {value}")
+
+    def temperature(self, name: str) -> float:
+        """Of `pick` or `place`."""
+        return self.temperatures.get(name, 1.0)
 
     def to_dict(self) -> dict[str, Any]:
         return {
@@ -48,6 +63,7 @@ class Card:
             "made_by": self.made_by,
             "scores": self.scores,
             "frozen": self.frozen,
+            "temperatures": self.temperatures,
         }
 
     @classmethod
@@ -60,6 +76,7 @@ class Card:
             made_by=dict(values.get("made_by", {})),
             scores=dict(values.get("scores", {})),
             frozen=str(values.get("frozen", "")),
+            temperatures={name: float(value) for name, value in values.get("temperatures", {}).items()},
         )
 
 
@@ -88,16 +105,57 @@ def resolve_checkpoint(path_or_name: str | Path) -> Path:
     return path
 
 
-def save_checkpoint(path: Path, tensors: dict[str, Tensor], card: Card) -> None:
-    """Write weights and card; each file appears whole or not at all."""
-    path.parent.mkdir(parents=True, exist_ok=True)
+@contextmanager
+def whole_file(path: Path) -> Iterator[Path]:
+    """A temporary path beside `path` that takes its place when all went well; otherwise what was there stays.
+
+    Raises CheckpointError where it can't be written, as on a full disk.
+    """
     temporary = path.with_name(path.name + ".tmp")
-    save_file({name: tensor.detach().contiguous() for name, tensor in tensors.items()}, temporary)
-    write_json(path.with_suffix(".json"), card.to_dict())
-    os.replace(temporary, path)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        yield temporary
+        os.replace(temporary, path)
+    except (OSError, SafetensorError) as error:
+        reason = " ".join(str(error).split())[:160]
+        raise CheckpointError(
+            f"can't write {path} ({reason}): make room and run again; what was saved before is kept"
+        ) from error
+    finally:
+        temporary.unlink(missing_ok=True)
 
 
-def load_checkpoint(path: Path) -> tuple[dict[str, Tensor], Card]:
+def save_checkpoint(path: Path, tensors: dict[str, Tensor], card: Card) -> None:
+    """Write weights and card; each file appears whole or not at all. Raises CheckpointError where it can't."""
+    with whole_file(path) as temporary:
+        save_file({name: tensor.detach().contiguous() for name, tensor in tensors.items()}, temporary)
+        write_json(path.with_suffix(".json"), card.to_dict())
+
+
+class StoredTensors(Mapping[str, Tensor]):
+    """The tensors of a file, each read when it is asked for: of a large file only one need be in memory at a time."""
+
+    def __init__(self, path: Path) -> None:
+        """Raises OSError or SafetensorError where there is no whole file."""
+        self._path = path
+        with safe_open(path, "pt") as file:
+            self._names = list(file.keys())
+
+    def __getitem__(self, name: str) -> Tensor:
+        if name not in self._names:
+            raise KeyError(name)
+        with safe_open(self._path, "pt") as file:
+            tensor: Tensor = file.get_tensor(name)
+        return tensor
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._names)
+
+    def __len__(self) -> int:
+        return len(self._names)
+
+
+def load_checkpoint(path: Path) -> tuple[StoredTensors, Card]:
     """Weights and card of a file written by save_checkpoint. Raises CheckpointError on anything unusable."""
     card_path = path.with_suffix(".json")
     if not card_path.is_file():
@@ -117,13 +175,12 @@ def load_checkpoint(path: Path) -> tuple[dict[str, Tensor], Card]:
     except Exception as error:  # an unusable workspace: its own error type belongs to another package
         raise CheckpointError(f"the card {card_path} holds no usable workspace ({error})") from error
     try:
-        return load_file(path), card
+        return StoredTensors(path), card
     except (OSError, SafetensorError, ValueError) as error:
         raise CheckpointError(f"checkpoint {path} is damaged ({error}): restore it or train again") from error
 
 
 def write_json(path: Path, values: dict[str, Any]) -> None:
-    """Write a JSON file that appears whole or not at all."""
-    temporary = path.with_name(path.name + ".tmp")
-    temporary.write_text(json.dumps(values, indent=2) + "\n")
-    os.replace(temporary, path)
+    """Write a JSON file that appears whole or not at all. Raises CheckpointError where it can't."""
+    with whole_file(path) as temporary:
+        temporary.write_text(json.dumps(values, indent=2) + "\n")

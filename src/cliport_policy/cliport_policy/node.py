@@ -27,11 +27,11 @@ from cliport_perception.errors import PerceptionError
 from cliport_perception.undisturbed import undisturbed
 from cliport_policy import conversions
 from cliport_policy.errors import PolicyError
-from cliport_policy.executor_link import ExecutorLink
-from cliport_policy.inference_worker import InferenceAnswer, InferenceWorker
 from cliport_policy.policy import load_policy
-from cliport_policy.server_logic import PolicyServer
-from cliport_policy.server_types import Answer, Moment, Proposal, ServerConfig, ServerState, ServerStatus
+from cliport_policy.server.executor_link import ExecutorLink
+from cliport_policy.server.inference_worker import InferenceAnswer, InferenceWorker
+from cliport_policy.server.logic import PolicyServer
+from cliport_policy.server.types import Answer, Moment, Proposal, ServerConfig, ServerState, ServerStatus
 from cliport_policy.views import ProposalViews
 
 TICK_S = 0.05
@@ -50,7 +50,7 @@ class PolicyServerNode(Node):
         base_frame = str(self.declare_parameter("base_frame", "panda_link0").value)
         settings = {f.name: self.declare_parameter(f.name, f.default).value for f in fields(ServerConfig)}
         self._config = ServerConfig(**settings)
-        self._policy = load_policy(checkpoint)
+        self._policy = load_policy(checkpoint, compiled=bool(self.declare_parameter("compile", False).value))
         self._worker = InferenceWorker(self._policy, self._hand_over)
         self._worker.warm_up()
         self._answers: SimpleQueue[InferenceAnswer] = SimpleQueue()

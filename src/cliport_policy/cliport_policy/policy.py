@@ -15,24 +15,28 @@ from torch.nn import functional as F
 from cliport_perception.heightmap import Heightmap
 from cliport_perception.pose import PlanarPose
 from cliport_perception.workspace import WorkspaceSpec
-from cliport_policy.action import AffordanceMaps, PickPlaceAction
+from cliport_policy.action import AffordanceMaps, Explanation, PickPlaceAction
 from cliport_policy.checkpoint import ANCHORS, Card, load_checkpoint, resolve_checkpoint
 from cliport_policy.errors import CheckpointError, InstructionError, ObservationError
 from cliport_policy.language import ENCODER_NAME, TextEncoder, TokenEmbeddings, shared_encoder
-from cliport_policy.networks.factory import restore_network
+from cliport_policy.memory import release_unused
+from cliport_policy.networks.factory import compile_network, restore_network
 from cliport_policy.networks.policy_network import PolicyNetwork
 from cliport_policy.networks.rotation import bin_angles
 from cliport_policy.observation import observation_tensor
+from cliport_policy.peaks import CellGrid, Peak
 
 MAX_INSTRUCTION_LENGTH = 1000
-CONFIDENCE_RADIUS = 0.03  # m
 
 
-class _Peak(NamedTuple):
-    """The best cell of a map: pixel (row, col) on the full grid and the mass within 3 cm of it."""
+class Scores(NamedTuple):
+    """A network's logits for one observation: picks (h * w + 1,), whose last is the null action's, yaws (k,) or None,
+    places (k, h, w) for a pick at pick.pixel; float32, before any temperature."""
 
-    pixel: tuple[int, int]
-    confidence: float
+    picks: Tensor
+    yaws: Tensor | None
+    places: Tensor
+    pick: Peak
 
 
 class Policy:
@@ -43,6 +47,7 @@ class Policy:
         self._network = network.eval().to(memory_format=torch.channels_last)  # type: ignore[call-overload]
         self._anchors = anchors  # (A, 384) unit sentence vectors of training instructions
         self._encoder = encoder
+        self.grid = CellGrid(card.workspace, network.cell_size)
 
     @property
     def workspace(self) -> WorkspaceSpec:
@@ -57,7 +62,6 @@ class Policy:
         """Cosine similarity, in [-1, 1], of an instruction to the nearest of those the policy was trained on."""
         return self._similarity(self._encoder.encode_one(instruction))
 
-    @torch.inference_mode()
     def infer(
         self, observation: Heightmap, instruction: str, with_maps: bool = False, goal: Heightmap | None = None
     ) -> PickPlaceAction:
@@ -65,36 +69,50 @@ class Policy:
 
         A network without a rotator leaves the pick's yaw at 0.
         Raises InstructionError for a text it refuses, and ObservationError for a heightmap of another workspace
-        or one that shows nothing.
+        or one that shows nothing or holds NaN.
         """
+        return self._decide(self.score(observation, instruction, goal), with_maps).action
+
+    def explain(self, observation: Heightmap, instruction: str, goal: Heightmap | None = None) -> Explanation:
+        """As infer, with what it was chosen from."""
+        return self._decide(self.score(observation, instruction, goal), with_maps=True)
+
+    @torch.inference_mode()
+    def score(self, observation: Heightmap, instruction: str, goal: Heightmap | None = None) -> Scores:
+        """What the network makes of an observation. Raises as infer."""
         self._embed(instruction)
         image = self._tensor(observation)
         aim = self._network.encode_goal([instruction.strip()], self._goal_tensor(goal))
-        cell = self._network.cell_size
-        size = (image.shape[-2] // cell, image.shape[-1] // cell)
-
-        mass = F.softmax(self._network.score_picks(image, aim)[0].float(), dim=0)  # (h w + 1,)
-        done = float(mass[-1])
-        pick_cells = (mass[:-1] / mass[:-1].sum().clamp_min(1e-12)).reshape(size).numpy()
-        pick = self._peak(pick_cells)
+        picks = self._network.score_picks(image, aim)[0].float()
+        pick = self.grid.peak(_mass(picks[:-1]).reshape(self.grid.shape))
         pixel = torch.tensor([pick.pixel], dtype=torch.float32)
         yaws, places = self._network.score_rotations(image, aim, pixel)
-        pick_yaw = 0.0 if yaws is None else self._angle(int(yaws[0].argmax()))
-        scores = places[0].float()  # (k, h, w)
-        place_mass = F.softmax(scores.flatten(), dim=0).reshape(scores.shape).numpy()
-        rotation = int(np.unravel_index(place_mass.argmax(), place_mass.shape)[0])
-        place = self._peak(place_mass[rotation])
-        place_yaw = math.remainder(pick_yaw + self._angle(rotation), 2 * math.pi)
-        return PickPlaceAction(
+        return Scores(picks, None if yaws is None else yaws[0].float(), places[0].float(), pick)
+
+    def place_peak(self, scores: Scores) -> Peak:
+        """Where the place is best, at its best rotation."""
+        mass = _mass(scores.places)
+        return self.grid.peak(mass[_best_rotation(mass)])
+
+    def _decide(self, scores: Scores, with_maps: bool) -> Explanation:
+        """Temperatures change how sure the policy is, not what it does."""
+        pick, place = scores.pick, self.place_peak(scores)
+        pick_mass = _mass(scores.picks[:-1], self.card.temperature("pick")).reshape(self.grid.shape)
+        place_mass = _mass(scores.places, self.card.temperature("place"))
+        yaws = None if scores.yaws is None else _mass(scores.yaws)
+        pick_yaw = 0.0 if yaws is None else self._angle(int(yaws.argmax()))
+        place_yaw = math.remainder(pick_yaw + self._angle(_best_rotation(place_mass)), 2 * math.pi)
+        action = PickPlaceAction(
             pick=PlanarPose(*self.workspace.pixel_to_xy(*pick.pixel), pick_yaw),
             place=PlanarPose(*self.workspace.pixel_to_xy(*place.pixel), place_yaw),
             pick_pixel=pick.pixel,
             place_pixel=place.pixel,
-            pick_confidence=pick.confidence,
-            place_confidence=place.confidence,
-            done_probability=done,
-            maps=self._maps(pick_cells, place_mass.max(0)) if with_maps else None,
+            pick_confidence=pick.confidence(pick_mass),
+            place_confidence=place.confidence(place_mass.sum(0)),
+            done_probability=float(_mass(scores.picks)[-1]),
+            maps=self._maps(pick_mass, place_mass.max(0)) if with_maps else None,
         )
+        return Explanation(action, yaws, place_mass.sum((1, 2)))
 
     def _embed(self, instruction: str) -> TokenEmbeddings:
         text = instruction.strip()
@@ -123,6 +141,8 @@ class Policy:
                 f"the observation's workspace {observation.workspace} is not the policy's {self.workspace}: "
                 "use the workspace file that the policy was trained with"
             )
+        if not np.isfinite(observation.height).all():
+            raise ObservationError("the observation's heights are not all numbers: mark what was not seen as not valid")
         if not observation.valid.any():
             raise ObservationError("the observation has no valid cell: is the camera's depth image empty?")
 
@@ -139,26 +159,6 @@ class Policy:
         """Of a rotation bin [rad]."""
         return float(bin_angles(self.card.network.n_rotations)[index])
 
-    def _peak(self, cells: NDArray[np.float32]) -> _Peak:
-        """Best cell of a map as a full pixel, refined by the mean of its neighbourhood where cells are coarser."""
-        row, col = (int(i) for i in np.unravel_index(cells.argmax(), cells.shape))
-        cell = self._network.cell_size
-        reach = 1 if cell > 1 else 0
-        rows = np.arange(max(row - reach, 0), min(row + reach + 1, cells.shape[0]))
-        cols = np.arange(max(col - reach, 0), min(col + reach + 1, cells.shape[1]))
-        near = cells[np.ix_(rows, cols)]
-        total = float(near.sum())
-        mean_row = float((near.sum(1) * rows).sum()) / total
-        mean_col = float((near.sum(0) * cols).sum()) / total
-        pixel = (
-            min(max(round(cell * mean_row + (cell - 1) / 2), 0), self.workspace.rows - 1),
-            min(max(round(cell * mean_col + (cell - 1) / 2), 0), self.workspace.cols - 1),
-        )
-        radius = CONFIDENCE_RADIUS / (cell * self.workspace.pixel_size)
-        grid_rows, grid_cols = np.ogrid[: cells.shape[0], : cells.shape[1]]
-        disc = (grid_rows - row) ** 2 + (grid_cols - col) ** 2 <= radius**2
-        return _Peak(pixel, min(float(cells[disc].sum()), 1.0))
-
     def _maps(self, pick: NDArray[np.float32], place: NDArray[np.float32]) -> AffordanceMaps:
         return AffordanceMaps(self._full_size(pick), self._full_size(place))
 
@@ -169,18 +169,34 @@ class Policy:
         return np.asarray(up / max(float(up.sum()), 1e-12), np.float32)
 
 
-def load_policy(path_or_name: str | Path = "default", precision: str = "auto") -> Policy:
+def _mass(logits: Tensor, temperature: float = 1.0) -> NDArray[np.float32]:
+    """The softmax over all of a tensor, in its shape."""
+    mass: NDArray[np.float32] = F.softmax((logits / temperature).flatten(), dim=0).reshape(logits.shape).numpy()
+    return mass
+
+
+def _best_rotation(mass: NDArray[np.float32]) -> int:
+    """Of a distribution (k, h, w): that of its likeliest cell."""
+    return int(np.unravel_index(mass.argmax(), mass.shape)[0])
+
+
+def load_policy(path_or_name: str | Path = "default", precision: str = "auto", compiled: bool = False) -> Policy:
     """A policy from a .safetensors file, a training folder, a shipped name or `default`.
 
-    precision: as restore_network takes it. Raises CheckpointError where the file is missing, damaged or made for
-    another encoder, and EncoderError where a network's frozen encoders are not at hand.
+    precision: as restore_network takes it. compiled: by torch.compile, which takes half a minute of the first action.
+    Raises CheckpointError where the file is missing, damaged or made for another encoder, and EncoderError where a
+    network's frozen encoders are not at hand.
     """
     path = resolve_checkpoint(path_or_name)
     tensors, card = load_checkpoint(path)
+    release_unused()  # what importing torch left, before more is added to it
     if card.encoder != ENCODER_NAME:
         raise CheckpointError(f"checkpoint {path} needs the text encoder {card.encoder!r}; here is {ENCODER_NAME!r}")
-    anchors = tensors.pop(ANCHORS, None)
-    if anchors is None:
+    if ANCHORS not in tensors:
         raise CheckpointError(f"checkpoint {path} lacks {ANCHORS}: train again")
     network = restore_network(card.network, tensors, card.frozen, path, precision)
-    return Policy(network, anchors.clone(), card, shared_encoder())  # a view would keep the whole file in memory
+    if compiled:
+        compile_network(network)
+    policy = Policy(network, tensors[ANCHORS].clone(), card, shared_encoder())  # a view would keep the file in memory
+    release_unused()
+    return policy

@@ -13,6 +13,7 @@ LANGUAGE = ("none", "multiply", "film")
 FUSION = ("none", "add", "concat")
 NORM = ("none", "group")
 GOAL_IMAGE = ("none", "multiply")
+NETS = ("pick", "rotator", "query", "key", "place_goal")
 ENCODERS = ("none", "clip_rn50", "resnet50_distilbert", "efficientnet_minilm", "untrained_resnet50_distilbert")
 
 
@@ -123,7 +124,7 @@ class StreamsConfig:
     @property
     def nets(self) -> dict[str, NetConfig]:
         """The nets there are, by name."""
-        named = {name: getattr(self, name) for name in ("pick", "rotator", "query", "key", "place_goal")}
+        named = {name: getattr(self, name) for name in NETS}
         return {name: net for name, net in named.items() if net is not None}
 
     @property
@@ -143,9 +144,14 @@ class StreamsConfig:
 
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> StreamsConfig:
+        """A net may be given as another's name, `rotator: pick` has the settings of `pick`, or as `none`."""
         check_keys(values, (f.name for f in fields(cls)), "network")
         known = dict(values)
-        for name in ("pick", "query", "key", "rotator", "place_goal"):
+        for name in NETS:
+            if isinstance(known.get(name), str):
+                given = {net: values[net] for net in NETS if isinstance(values.get(net), dict)}
+                check_choice(known[name], (*given, "none"), name)
+                known[name] = given.get(known[name])
             if known.get(name) is not None:
                 known[name] = NetConfig.from_dict(known[name], name)
             elif name in ("pick", "query", "key"):

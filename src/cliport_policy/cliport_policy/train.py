@@ -1,88 +1,112 @@
-"""`ros2 run cliport_policy train`: demonstrations in, a policy out, with progress; run again, it resumes."""
+"""`ros2 run cliport_policy train`: demonstrations in, a policy out, with progress; run again, it resumes.
+
+`torchrun --nproc-per-node N -m cliport_policy.train ...` shares each step among N processes.
+"""
 
 from __future__ import annotations
 
-import argparse
 import logging
 import shlex
 import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable, Sequence
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
 
-from cliport_policy.config import NetworkConfig, TrainConfig
-from cliport_policy.demonstrations import load_demonstrations
-from cliport_policy.errors import PolicyError
+from cliport_policy.data.demonstrations import load_demonstrations
+from cliport_policy.data.mixture import Mixture, Source, check_same_workspace
+from cliport_policy.errors import InstructionError, PolicyError
 from cliport_policy.language import shared_encoder
-from cliport_policy.training import Trainer, agreement
+from cliport_policy.training.agreement import agreement
+from cliport_policy.training.allocator import keep_freed_memory
+from cliport_policy.training.distributed import Group, join_group
+from cliport_policy.training.log import EventLog, ProgressLine, affordance_picture
+from cliport_policy.training.options import TrainOptions, parse_options
+from cliport_policy.training.trainer import Progress, Trainer
+
+logger = logging.getLogger(__name__)
+N_AGREEMENT = 300  # demonstrations that agreement is measured on
 
 
-def main(argv: list[str] | None = None) -> int:
-    args = _parser().parse_args(argv)
+def main(argv: Sequence[str] | None = None) -> int:
     logging.basicConfig(level=logging.INFO, format="%(message)s", stream=sys.stderr)
     try:
-        return _train(args)
+        options = parse_options(argv)
+        group = join_group(options.device)
+        try:
+            _train(options, group, argv)
+        finally:
+            group.leave()
     except PolicyError as error:
         print(f"error: {error}", file=sys.stderr)
         return 1
-
-
-def _parser() -> argparse.ArgumentParser:
-    defaults = TrainConfig()
-    parser = argparse.ArgumentParser(prog="train", description="Train a policy on demonstrations.")
-    parser.add_argument("--data", required=True, help="folder that cliport_benchmark generate wrote")
-    parser.add_argument("--val", help="folder of held-out demonstrations to measure agreement on")
-    parser.add_argument("--out", required=True, help="training folder; run again with the same one to resume")
-    parser.add_argument("--steps", type=int, default=defaults.steps)
-    parser.add_argument("--batch", type=int, default=defaults.batch_size)
-    parser.add_argument("--learning-rate", type=float, default=defaults.learning_rate)
-    parser.add_argument("--phrases", type=int, default=defaults.phrases_per_goal, help="wordings a goal")
-    parser.add_argument("--seed", type=int, default=defaults.seed)
-    parser.add_argument("--demos", type=int, help="use only the first N observations")
-    parser.add_argument("--minutes", type=float, default=float("inf"), help="stop (and save) after so long")
-    return parser
-
-
-def _train(args: argparse.Namespace) -> int:
-    config = TrainConfig(
-        steps=args.steps,
-        batch_size=args.batch,
-        learning_rate=args.learning_rate,
-        phrases_per_goal=args.phrases,
-        seed=args.seed,
-    )
-    data = load_demonstrations(args.data, args.demos)
-    print(f"{len(data.frames)} observations, {len(data.samples())} demonstrations from {args.data}", flush=True)
-    made_by = {
-        "command": shlex.join(["ros2", "run", "cliport_policy", "train", *sys.argv[1:]]),
-        "commit": _commit(),
-    }
-    trainer = Trainer(data, Path(args.out), NetworkConfig(), config, shared_encoder(), made_by)
-    if trainer.step:
-        print(f"resuming at step {trainer.step}", flush=True)
-    stopped = _stop_on_signals()
-    started = time.monotonic()
-    trainer.run(_show, max_minutes=args.minutes, should_stop=lambda: bool(stopped))
-    minutes = (time.monotonic() - started) / 60
-    print(f"step {trainer.step} of {config.steps} after {minutes:.1f} min: {args.out}/policy.safetensors")
-    if args.val and trainer.step >= config.steps:
-        val = load_demonstrations(args.val)
-        samples = val.samples()
-        chosen = np.random.default_rng(0).permutation(len(samples))[:300]
-        print(agreement(trainer.average, val, [samples[i] for i in chosen]))
     return 0
 
 
-def _show(values: dict[str, float]) -> None:
-    print(
-        f"step {values['step']:.0f}  locator {values['locator']:.3f}  rotator {values['rotator']:.3f}  "
-        f"transport {values['transport']:.3f}  {values['samples_per_s']:.0f} samples/s  "
-        f"{values['eta_min']:.0f} min left",
-        flush=True,
-    )
+def _train(options: TrainOptions, group: Group, argv: Sequence[str] | None) -> None:
+    keep_freed_memory()
+    stopped = _stop_on_signals()
+    n_sets = len(options.data) + (options.val is not None)
+    sources = [_source(folder, weight, options, options.cache_bytes // n_sets) for folder, weight in options.data]
+    val = load_demonstrations(options.val, options.cache_bytes // n_sets) if options.val else None
+    if val is not None:
+        check_same_workspace(sources[0].data, val)
+    words = sys.argv[1:] if argv is None else argv
+    made_by = {"command": shlex.join(["ros2", "run", "cliport_policy", "train", *words]), "commit": _commit()}
+    trainer = Trainer(sources, options.out, options.network, options.train, shared_encoder(), made_by, group)
+    held_out = Mixture([Source(val)], with_goals=trainer.network.needs_goal_image) if val else None
+    if not group.is_first:
+        _run(trainer, options, stopped)
+        return
+    print(f"{len(trainer.data)} demonstrations to draw from; step {trainer.step} of {options.train.steps}", flush=True)
+    started = time.monotonic()
+    _run_and_show(trainer, options, stopped, held_out or trainer.data)
+    minutes = (time.monotonic() - started) / 60
+    print(f"step {trainer.step} of {options.train.steps} after {minutes:.1f} min: {options.out}/policy.safetensors")
+    if held_out and trainer.step >= options.train.steps:
+        chosen = np.random.default_rng(0).permutation(len(held_out))[:N_AGREEMENT]
+        found = asdict(agreement(trainer.average, held_out, chosen.tolist()))
+        print("agreement with --val: " + ", ".join(f"{name} {value:.3g}" for name, value in found.items()))
+
+
+def _source(folder: Path, weight: float, options: TrainOptions, cache_bytes: int) -> Source:
+    data = load_demonstrations(folder, cache_bytes)
+    return Source(data if options.n_demos is None else data.first_episodes(options.n_demos), weight)
+
+
+def _run_and_show(trainer: Trainer, options: TrainOptions, stopped: list[int], shown: Mixture) -> None:
+    """With a progress line and TensorBoard's files in OUT/events."""
+    line, events = ProgressLine(sys.stderr), EventLog(options.out / "events", trainer.step)
+    sample = next((shown[i] for i in range(len(shown)) if not shown[i].demo.done), shown[0])
+
+    def show(progress: Progress) -> None:
+        line(progress)
+        events(progress)
+
+    def picture() -> None:
+        try:
+            events.picture("affordance", affordance_picture(trainer.policy(), sample), trainer.step)
+        except InstructionError as error:  # of a --val that speaks of other things than --data
+            logger.warning("no picture: %s", error)
+
+    try:
+        _run(trainer, options, stopped, show, picture)
+    finally:
+        events.close()
+
+
+def _run(
+    trainer: Trainer,
+    options: TrainOptions,
+    stopped: list[int],
+    on_step: Callable[[Progress], None] = lambda _: None,
+    on_save: Callable[[], None] = lambda: None,
+) -> None:
+    trainer.run(on_step, options.save_minutes, options.max_minutes, lambda: bool(stopped), options.keep_steps, on_save)
 
 
 def _stop_on_signals() -> list[int]:

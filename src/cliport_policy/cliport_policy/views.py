@@ -13,7 +13,7 @@ from cliport_perception.conversions import image_to_msg, stamp_to_msg
 from cliport_perception.heightmap import Heightmap
 from cliport_policy import conversions
 from cliport_policy.overlays import render_overlay
-from cliport_policy.server_types import Proposal
+from cliport_policy.server.types import Proposal
 
 KINDS = ("pick", "place")
 

@@ -2,7 +2,7 @@
 
 import json
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import cv2
@@ -13,7 +13,11 @@ import pytest
 import torch
 
 from cliport_perception.workspace import WorkspaceSpec
+from cliport_policy.checkpoint import ANCHORS, Card, save_checkpoint
 from cliport_policy.encoders.clip_modules import ClipResNet, ClipText
+from cliport_policy.language import ENCODER_NAME, shared_encoder
+from cliport_policy.named_configs import load_network_config
+from cliport_policy.networks.factory import build_network
 
 COLORS = {"red": (255, 87, 89), "blue": (78, 121, 167)}
 
@@ -22,48 +26,84 @@ def _png(image: np.ndarray) -> bytes:
     return cv2.imencode(".png", image)[1].tobytes()
 
 
-def write_flat_set(folder: Path, observations: int, seed: int = 0) -> Path:
-    """A red block and a blue bowl, drawn as squares; every third observation is a done one."""
+SENTENCE = "put the red blocks in a blue bowl"
+
+
+def write_flat_set(
+    folder: Path,
+    episodes: int,
+    seed: int = 0,
+    actions: int = 0,
+    task: str = "",
+    sentence: str = SENTENCE,
+    pixel_size: float = 0.0025,
+    finish: bool = True,
+) -> Path:
+    """A red block and a blue bowl, drawn as squares.
+
+    actions: of each episode, whose last observation is then of the finished scene, if it is to `finish`; 0: one
+    observation an episode, every third of them a finished one.
+    """
     folder.mkdir(parents=True)
-    workspace = WorkspaceSpec()
     rng = np.random.default_rng(seed)
     rows = []
-    for i in range(observations):
-        color = np.full((*workspace.shape, 3), 200, np.uint8)
-        height = np.zeros(workspace.shape, np.float32)
-        pick = (int(rng.integers(40, 120)), int(rng.integers(30, 130)))
-        place = (int(rng.integers(200, 280)), int(rng.integers(30, 130)))
-        for (row, col), name, half in ((pick, "red", 8), (place, "blue", 20)):
-            color[row - half : row + half, col - half : col + half] = COLORS[name]
-            height[row - half : row + half, col - half : col + half] = 0.04
-        units = np.round((height - workspace.z_min) / 1e-4).astype(np.uint16)
-        demo = {
-            "instruction": "put the red blocks in a blue bowl",
-            "block": "red",
-            "bowl": "blue",
-            "done": i % 3 == 2,
-            "pick_row": pick[0],
-            "pick_col": pick[1],
-            "pick_yaw": 0.0,
-            "pick_yaw_period": float(np.pi / 2),
-            "place_row": place[0],
-            "place_col": place[1],
-            "place_yaw": 0.0,
-        }
-        rows.append(
-            {
-                "episode": i,
-                "seed": i,
-                "step": 0,
-                "color_png": _png(color[..., ::-1]),
-                "height_png": _png(units),
-                "valid_png": _png(np.full(workspace.shape, 255, np.uint8)),
-                "demos": [demo],
-            }
-        )
+    for episode in range(episodes):
+        for step in range(actions + finish if actions else 1):
+            done = step == actions if actions else episode % 3 == 2
+            rows.append(_flat_row(episode, step, done, task, sentence, WorkspaceSpec(pixel_size=pixel_size), rng))
     pq.write_table(pa.Table.from_pylist(rows), folder / "part-00000.parquet")
-    (folder / "meta.json").write_text(json.dumps({"version": 1, "workspace": workspace.to_dict()}))
+    workspace = WorkspaceSpec(pixel_size=pixel_size).to_dict()
+    (folder / "meta.json").write_text(json.dumps({"version": 1, "workspace": workspace}))
     return folder
+
+
+def _flat_row(
+    episode: int,
+    step: int,
+    done: bool,
+    task: str,
+    sentence: str,
+    workspace: WorkspaceSpec,
+    rng: np.random.Generator,
+) -> dict[str, object]:
+    scale = 0.0025 / workspace.pixel_size
+    color = np.full((*workspace.shape, 3), 200, np.uint8)
+    height = np.zeros(workspace.shape, np.float32)
+    pick = (int(scale * rng.integers(40, 120)), int(scale * rng.integers(30, 130)))
+    place = (int(scale * rng.integers(200, 280)), int(scale * rng.integers(30, 130)))
+    for (row, col), name, side in ((pick, "red", 8), (place, "blue", 20)):
+        half = max(int(scale * side), 1)
+        color[row - half : row + half, col - half : col + half] = COLORS[name]
+        height[row - half : row + half, col - half : col + half] = 0.04
+    demo = {
+        "instruction": sentence,
+        "block": "red",
+        "bowl": "blue",
+        "done": done,
+        "pick_row": pick[0],
+        "pick_col": pick[1],
+        "pick_yaw": 0.0,
+        "pick_yaw_period": float(np.pi / 2),
+        "place_row": place[0],
+        "place_col": place[1],
+        "place_yaw": 0.0,
+    }
+    return {
+        "task": task,
+        "episode": episode,
+        "seed": episode,
+        "step": step,
+        "color_png": _png(color[..., ::-1]),
+        "height_png": _png(np.round((height - workspace.z_min) / 1e-4).astype(np.uint16)),
+        "valid_png": _png(np.full(workspace.shape, 255, np.uint8)),
+        "demos": [demo],
+    }
+
+
+@pytest.fixture
+def make_flat_set() -> Callable[..., Path]:
+    """write_flat_set."""
+    return write_flat_set
 
 
 @pytest.fixture
@@ -149,3 +189,25 @@ def clip_folder(small_clip: dict[str, torch.Tensor], tmp_path_factory: pytest.Te
 def clip_models(clip_folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setenv("CLIPORT_MODELS", str(clip_folder))
     return clip_folder
+
+
+TINY = {"width": 0.0625, "crop_pixels": 32, "n_rotations": 8}
+TINY_COMPACT = {"widths": (8, 12), "goal_dim": 16, "crop_pixels": 16, "query_cells": 9, "n_rotations": 8}
+
+
+@pytest.fixture
+def tiny_checkpoint(clip_models: Path, tmp_path: Path) -> Callable[..., Path]:
+    """Saves a small untrained policy of a named config for a workspace of 64 x 32 pixels."""
+
+    def make(name: str, **changes: object) -> Path:
+        torch.manual_seed(0)
+        small = TINY_COMPACT if name == "compact" else TINY
+        network = build_network(load_network_config(name, {**small, **changes}))
+        workspace = WorkspaceSpec(pixel_size=0.0125)
+        anchors = shared_encoder().encode_one(SENTENCE).sentence_vectors()
+        card = Card(network.config, workspace, ENCODER_NAME, 0.45, frozen=network.encoder_identity)
+        path = tmp_path / f"{name}.safetensors"
+        save_checkpoint(path, {**network.state_dict(), ANCHORS: anchors}, card)
+        return path
+
+    return make

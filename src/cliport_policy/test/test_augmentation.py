@@ -3,8 +3,16 @@
 import math
 
 import numpy as np
+import pytest
 
-from cliport_policy.augmentation import draw_transform, identity_transform, jitter_color, warp
+from cliport_policy.data.augmentation import (
+    draw_transform,
+    identity_transform,
+    jitter_color,
+    jitter_height,
+    names_direction,
+    warp,
+)
 
 
 def test_a_marked_pixel_goes_where_its_label_goes() -> None:
@@ -53,3 +61,22 @@ def test_color_jitter_is_small_and_keeps_shape() -> None:
     jittered = jitter_color(color, np.random.default_rng(4))
     assert jittered.shape == color.shape and jittered.dtype == np.uint8
     assert np.abs(jittered.astype(int) - 128).max() < 60
+
+
+def test_height_jitter_is_small_and_even() -> None:
+    height = np.linspace(0, 0.1, 12, dtype=np.float32).reshape(4, 3)
+    change = jitter_height(height, np.random.default_rng(5)) - height
+    assert change.dtype == np.float32 and np.ptp(change) < 1e-6 and 0 < abs(change.mean()) < 0.01
+
+
+@pytest.mark.parametrize(
+    ("sentence", "directed"),
+    [
+        ("put the red L shape in the Left square hole", True),
+        ("align the rope from front left tip to back left corner", True),
+        ("put the red blocks in a blue bowl", False),
+        ("pack the leftover righteous topping", False),
+    ],
+)
+def test_sentences_that_name_a_direction(sentence: str, directed: bool) -> None:
+    assert names_direction(sentence) is directed

@@ -12,7 +12,7 @@ from cliport_perception.conversions import stamp_from_msg
 from cliport_perception.pose import PlanarPose
 from cliport_policy import conversions as c
 from cliport_policy.action import PickPlaceAction
-from cliport_policy.server_types import ExecutionOutcome, Proposal, ServerState, ServerStatus
+from cliport_policy.server.types import ExecutionOutcome, Proposal, ServerState, ServerStatus
 
 
 @pytest.mark.parametrize("yaw", [-3.1, -0.5, 0.0, 1.57, 3.1])

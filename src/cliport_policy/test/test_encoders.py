@@ -1,6 +1,7 @@
 """Frozen encoders: read from the right files, refused from wrong ones, shared, and never trained or saved."""
 
 import copy
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
@@ -9,10 +10,12 @@ import torch
 from torch import Tensor, nn
 
 from cliport_policy.encoders import bert, efficientnet, resnet50
+from cliport_policy.encoders.bert_modules import load_bert
 from cliport_policy.encoders.clip_rn50 import MEAN, STD, load_clip
 from cliport_policy.encoders.frozen import FrozenEncoders, Vision, fold_norms
 from cliport_policy.encoders.registry import encoders_of
 from cliport_policy.errors import EncoderError
+from cliport_policy.language import MAX_TOKENS, model_folder, shared_encoder
 from cliport_policy.named_configs import load_network_config
 from cliport_policy.networks.streams import StreamsNetwork
 from cliport_policy.stream_config import StreamsConfig
@@ -145,6 +148,35 @@ def test_minilm_reads_sentences_apart() -> None:
     assert not torch.allclose(together[0], together[1], atol=0.1)
 
 
+def test_minilm_is_the_one_of_transformers(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Tolerance 1e-5."""
+    monkeypatch.setenv("HF_HUB_OFFLINE", "1")
+    transformers = pytest.importorskip("transformers")
+    tokenizer = transformers.AutoTokenizer.from_pretrained(model_folder())
+    model = transformers.AutoModel.from_pretrained(model_folder(), add_pooling_layer=False).eval()
+    sentences = [*SENTENCES, "Ünïcode — naïve 日本語 🙂!!", "brown " * 60, "x"]
+    batch = tokenizer(sentences, padding=True, truncation=True, max_length=MAX_TOKENS, return_tensors="pt")
+    with torch.no_grad():
+        theirs = model(**batch).last_hidden_state
+    ours = shared_encoder().encode(sentences)
+    assert torch.equal(ours.mask, batch["attention_mask"].bool())
+    assert (ours.tokens - theirs)[ours.mask].abs().max() < 1e-5
+
+
+def test_distilbert_is_the_one_of_transformers(tmp_path: Path) -> None:
+    """Tolerance 1e-5."""
+    transformers = pytest.importorskip("transformers")
+    config = transformers.DistilBertConfig(dim=48, n_layers=2, n_heads=2, hidden_dim=64)
+    theirs = transformers.DistilBertModel(config).eval()
+    theirs.save_pretrained(tmp_path)
+    ours = load_bert(tmp_path)
+    numbers, mask = torch.randint(0, 30_000, (2, 7)), torch.ones(2, 7, dtype=torch.bool)
+    mask[1, 4:] = False
+    with torch.no_grad():
+        states = theirs(input_ids=numbers, attention_mask=mask.long()).last_hidden_state
+        assert (ours(numbers, mask) - states)[mask].abs().max() < 1e-5
+
+
 def test_untrained_encoders_are_the_same_for_a_seed() -> None:
     color = torch.rand(1, 3, 64, 64)
     with torch.no_grad():
@@ -155,23 +187,23 @@ def test_untrained_encoders_are_the_same_for_a_seed() -> None:
 
 def test_resnet50_and_distilbert_from_the_users_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from torchvision.models import resnet50 as torchvision_resnet50
-    from transformers import AutoTokenizer, DistilBertConfig, DistilBertModel
-
-    from cliport_policy.language import model_folder
+    from transformers import DistilBertConfig, DistilBertModel
 
     torch.save(torchvision_resnet50(weights=None).state_dict(), tmp_path / "resnet50.pth")
     folder = tmp_path / "distilbert-base-uncased"
     DistilBertModel(DistilBertConfig(dim=48, n_layers=1, n_heads=2, hidden_dim=64)).save_pretrained(folder)
-    AutoTokenizer.from_pretrained(model_folder()).save_pretrained(folder)
+    shutil.copy(model_folder() / "vocab.txt", folder)
     monkeypatch.setenv("CLIPORT_MODELS", str(tmp_path))
     encoders = encoders_of(_config("resnet50_distilbert"))
     assert encoders is not None and encoders.shape == ((256, 512, 1024, 2048), 48, 1024)
     assert [tap.shape[1] for tap in encoders.see(torch.rand(1, 3, 32, 32))] == [256, 512, 1024, 2048]
-    assert encoders.read(SENTENCES).shape == (2, 48)
+    vectors = encoders.read(SENTENCES)
+    shutil.copy(model_folder() / "tokenizer.json", folder)
+    assert vectors.shape == (2, 48) and torch.allclose(vectors, bert.distilbert(folder).read(SENTENCES), atol=1e-5)
     torch.save({"a": torch.zeros(1)}, tmp_path / "resnet50.pth")
     with pytest.raises(EncoderError, match=r"resnet50\.pth is no state dict of torchvision's resnet50"):
         resnet50.load_resnet50(tmp_path / "resnet50.pth")
     (folder / "config.json").unlink()
-    with pytest.raises(EncoderError, match="holds no DistilBERT") as caught:
+    with pytest.raises(EncoderError, match="holds no BERT") as caught:
         bert.distilbert(folder)
     assert "\n" not in str(caught.value)

@@ -4,8 +4,19 @@ import math
 
 import pytest
 import torch
+from torch import Tensor, nn
 
-from cliport_policy.losses import soft_cells, soft_cross_entropy, yaw_target
+from cliport_policy.config import NetworkConfig, TrainConfig
+from cliport_policy.data.batches import Batch
+from cliport_policy.networks.policy_network import Goal
+from cliport_policy.training.losses import (
+    cell_label,
+    compute_losses,
+    soft_cells,
+    soft_cross_entropy,
+    yaw_label,
+    yaw_target,
+)
 
 
 def test_a_cubes_four_yaws_share_the_target() -> None:
@@ -37,3 +48,78 @@ def test_cross_entropy_is_lowest_at_the_target() -> None:
     target = torch.tensor([[0.7, 0.2, 0.1]])
     at_target = soft_cross_entropy(target.log(), target)
     assert at_target < soft_cross_entropy(torch.tensor([[0.5, 0.3, 0.2]]).log(), target)
+
+
+def test_labels_are_one_cell_and_one_bin() -> None:
+    cells = cell_label(torch.tensor([[41.4, 20.6], [-400.0, 900.0]]), (160, 80))
+    assert cells[0].sum() == 1 and cells[0, 20, 10] == 1 and cells[1].sum() == 0
+    yaws = torch.tensor([math.radians(20), math.radians(200)])
+    labels = yaw_label(yaws, torch.full((2,), 2 * math.pi), 36)
+    assert labels.argmax(1).tolist() == [2, 2] and labels.sum(1).tolist() == [1, 1]
+
+
+class _Flat(nn.Module):
+    """A network that knows nothing: all scores are 0; it notes which rotations it was asked for."""
+
+    cell_size = 2
+
+    def __init__(self, k: int = 8) -> None:
+        super().__init__()
+        self.config = NetworkConfig(n_rotations=k)
+        self.asked: list[Tensor] = []
+
+    def encode_goal(self, phrases: list[str], images: Tensor | None = None) -> Goal:
+        return Goal()
+
+    def score_picks(self, images: Tensor, goal: Goal) -> Tensor:
+        return torch.zeros(len(images), 20 * 10 + 1)
+
+    def score_yaws(self, images: Tensor, goal: Goal, pick: Tensor, angles: Tensor) -> Tensor:
+        return torch.zeros_like(angles)
+
+    def score_places(self, images: Tensor, goal: Goal, pick: Tensor, angles: Tensor) -> Tensor:
+        self.asked.append(angles)
+        return torch.zeros(*angles.shape, 20, 10)
+
+
+def _batch(n: int) -> Batch:
+    pixels = torch.full((n, 2), 9.0)
+    done = torch.arange(n) % 3 == 2
+    period = torch.full((n,), math.pi)
+    return Batch(
+        torch.zeros(n, 5, 40, 20), ["x"] * n, done, pixels, torch.zeros(n), period, pixels,
+        torch.full((n,), math.pi / 2), torch.arange(n),
+    )  # fmt: skip
+
+
+def _part(batch: Batch, rows: slice) -> Batch:
+    return Batch(*(None if value is None else value[rows] for value in batch))
+
+
+def test_losses_of_ignorance_are_logarithms_of_the_choices() -> None:
+    for rotations, k in ((0, 8), (3, 3)):
+        config = TrainConfig(rotator_rotations=rotations, transport_rotations=rotations)
+        losses = compute_losses(_Flat(), _batch(4), config)  # type: ignore[arg-type]
+        expected = (math.log(201), math.log(k), math.log(200 * k))
+        assert [float(loss) for loss in losses] == pytest.approx(expected, rel=1e-5)
+
+
+def test_the_right_rotation_competes_with_others_drawn_by_sample() -> None:
+    network, config = _Flat(), TrainConfig(transport_rotations=3)
+    compute_losses(network, _batch(4), config)  # type: ignore[arg-type]
+    compute_losses(network, _part(_batch(4), slice(1, 4)), config)  # type: ignore[arg-type]
+    whole, part = network.asked  # of samples 0, 1 and 3, and of 1 and 3
+    assert torch.allclose(whole[:, 0], torch.tensor(math.pi / 2))
+    assert all(len(set(row.tolist())) == 3 for row in whole)
+    assert torch.equal(whole[1:], part)
+
+
+def test_losses_of_parts_sum_up_to_the_whole() -> None:
+    network, config, batch = _Flat(), TrainConfig(), _batch(6)
+    whole = compute_losses(network, batch, config)  # type: ignore[arg-type]
+    parts = [
+        compute_losses(network, _part(batch, rows), config, 6, 4)  # type: ignore[arg-type]
+        for rows in (slice(0, 2), slice(2, 3), slice(3, 6))
+    ]
+    for name in whole._fields:
+        assert float(sum(getattr(part, name) for part in parts)) == pytest.approx(float(getattr(whole, name)))

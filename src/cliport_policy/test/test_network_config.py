@@ -118,3 +118,15 @@ def test_rn50_bert_falls_back_on_what_packages_bring(tmp_path: Path, monkeypatch
     (tmp_path / "resnet50.pth").touch()
     (tmp_path / "distilbert-base-uncased").mkdir()
     assert on_hand(config).encoder == "resnet50_distilbert"
+
+
+def test_a_net_is_given_by_another_ones_name() -> None:
+    for name in NAMES:
+        if name != "compact":
+            config = load_network_config(name, {"rotator": "pick"})
+            assert isinstance(config, StreamsConfig) and config.rotator == config.pick
+            without = load_network_config(name, {"rotator": "none"})
+            assert without == load_network_config(name)
+    for wrong, message in (("pik", "did you mean 'pick'"), ("place_goal", "rotator can't be 'place_goal'")):
+        with pytest.raises(ConfigError, match=message):
+            load_network_config("cliport", {"rotator": wrong})

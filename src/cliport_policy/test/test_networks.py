@@ -8,8 +8,8 @@ import torch
 from cliport_policy.config import NetworkConfig
 from cliport_policy.errors import ConfigError
 from cliport_policy.networks.compact import CompactNetwork
+from cliport_policy.networks.correlation import correlate_centered
 from cliport_policy.networks.rotation import bin_angles, rotated_windows
-from cliport_policy.networks.transport import correlate
 
 SMALL = NetworkConfig(widths=(8, 12), goal_dim=16, crop_pixels=16, query_cells=9)
 
@@ -36,7 +36,7 @@ def test_correlation_agrees_with_a_direct_sum() -> None:
     key = torch.randn(2, 3, 14, 11, generator=generator)
     window = torch.randn(2, 4, 3, 5, 5, generator=generator)
     direct = torch.stack([torch.nn.functional.conv2d(key[i : i + 1], window[i], padding=2)[0] for i in range(2)])
-    assert torch.allclose(correlate(key, window), direct, atol=1e-4)
+    assert torch.allclose(correlate_centered(key, window), direct, atol=1e-4)
 
 
 def test_shapes_of_every_network() -> None:

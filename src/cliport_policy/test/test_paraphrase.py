@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cliport_policy.paraphrase import paraphrase, parse_canonical
+from cliport_policy.data.paraphrase import paraphrase, parse_canonical
 
 CANONICAL = "put the green blocks in a yellow bowl"
 

@@ -9,8 +9,8 @@ import pytest
 from cliport_perception.pose import PlanarPose
 from cliport_policy.action import PickPlaceAction
 from cliport_policy.errors import ConfigError, InstructionError
-from cliport_policy.server_logic import PolicyServer
-from cliport_policy.server_types import (
+from cliport_policy.server.logic import PolicyServer
+from cliport_policy.server.types import (
     Answer,
     ExecutionOutcome,
     Moment,

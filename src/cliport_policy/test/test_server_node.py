@@ -69,7 +69,7 @@ class Graph:
     """Everything around the server: camera, executor, a person."""
 
     def __init__(self, policy: FakePolicy, monkeypatch: pytest.MonkeyPatch) -> None:
-        monkeypatch.setattr(node_module, "load_policy", lambda name: policy)
+        monkeypatch.setattr(node_module, "load_policy", lambda name, compiled: policy)
         self.person = rclpy.create_node("person")
         self.server = node_module.PolicyServerNode()
         self.statuses: list[PolicyStatus] = []
@@ -267,7 +267,7 @@ def test_faults_end_in_one_line(graph: Callable[..., Graph]) -> None:
 def test_a_corrupt_checkpoint_ends_in_one_line(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def refuse(name: str) -> None:
+    def refuse(name: str, compiled: bool) -> None:
         raise CheckpointError(f"checkpoint {name} is damaged: restore it or train again")
 
     monkeypatch.setattr(node_module, "load_policy", refuse)

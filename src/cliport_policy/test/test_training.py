@@ -1,27 +1,50 @@
-"""Training end to end on a tiny set: it learns something, stops, resumes, and what it saves can be used."""
+"""Training end to end on tiny sets: it learns something, stops, resumes, and what it saves can be used."""
 
 import json
+import resource
+import signal
+from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 
 from cliport_perception.heightmap import Heightmap
 from cliport_perception.workspace import WorkspaceSpec
 from cliport_policy import load_policy
-from cliport_policy.config import NetworkConfig, TrainConfig
-from cliport_policy.demonstrations import load_demonstrations
-from cliport_policy.errors import CheckpointError, DataError, InstructionError, ObservationError
+from cliport_policy.checkpoint import load_checkpoint
+from cliport_policy.config import PAPER, NetworkConfig, TrainConfig
+from cliport_policy.data.demonstrations import load_demonstrations
+from cliport_policy.data.mixture import Mixture, Source
+from cliport_policy.errors import (
+    CheckpointError,
+    ConfigError,
+    DataError,
+    InstructionError,
+    ObservationError,
+    TrainingError,
+)
 from cliport_policy.language import shared_encoder
-from cliport_policy.train import main
-from cliport_policy.training import Trainer
+from cliport_policy.named_configs import AnyNetworkConfig, load_network_config
+from cliport_policy.training.agreement import agreement
+from cliport_policy.training.trainer import Progress, Trainer
 
 TINY = NetworkConfig(widths=(8, 12), goal_dim=16, crop_pixels=32, query_cells=9)
+TINY_STREAMS = {"width": 0.0625, "crop_pixels": 32, "n_rotations": 8}
 CONFIG = TrainConfig(steps=8, batch_size=3, phrases_per_goal=3, warmup_steps=2)
+SMALL = 0.0125  # m: pixels of 64 x 32 heightmaps
+SENTENCE = "put the red blocks in a blue bowl"
+pytestmark = pytest.mark.usefixtures("one_thread")
 
 
-def _trainer(data: Path, out: Path, config: TrainConfig = CONFIG) -> Trainer:
-    return Trainer(load_demonstrations(data), out, TINY, config, shared_encoder(), {"command": "test"})
+def _trainer(data: Path, out: Path, config: TrainConfig = CONFIG, network: AnyNetworkConfig = TINY) -> Trainer:
+    return Trainer([Source(load_demonstrations(data))], out, network, config, shared_encoder(), {"command": "test"})
+
+
+def _streams(name: str = "transporter") -> AnyNetworkConfig:
+    return load_network_config(name, TINY_STREAMS)
 
 
 def _observation(workspace: WorkspaceSpec | None = None) -> Heightmap:
@@ -32,18 +55,22 @@ def _observation(workspace: WorkspaceSpec | None = None) -> Heightmap:
     )
 
 
-def test_train_stop_resume_and_use(flat_set: Path, tmp_path: Path) -> None:
+def _silent(_: Progress) -> None:
+    pass
+
+
+def test_train_and_use(flat_set: Path, tmp_path: Path) -> None:
     out = tmp_path / "run"
-    trainer = _trainer(flat_set, out)
-    trainer.run(lambda _: None, should_stop=lambda: trainer.step >= 4)
-    assert trainer.step == 4
-    resumed = _trainer(flat_set, out)
-    assert resumed.step == 4
-    resumed.run(lambda _: None)
-    assert resumed.step == CONFIG.steps
+    seen: list[Progress] = []
+    _trainer(flat_set, out).run(seen.append, keep_steps={2, 5})
+    assert [progress.step for progress in seen] == list(range(1, 9))
+    assert seen[-1].minutes_left == 0 and seen[-1].samples_per_s > 0
+    kept = sorted(path.name for path in (out / "checkpoints").glob("*.safetensors"))
+    assert kept == ["step-0000002.safetensors", "step-0000005.safetensors"]
+    assert load_checkpoint(out / "checkpoints" / kept[0])[1].made_by["steps_done"] == 2
 
     policy = load_policy(out)
-    action = policy.infer(_observation(), "put the red blocks in a blue bowl", with_maps=True)
+    action = policy.infer(_observation(), SENTENCE, with_maps=True)
     assert 0 <= action.done_probability <= 1 and 0 <= action.pick_confidence <= 1
     assert policy.workspace.contains_xy(action.pick.x, action.pick.y)
     assert action.maps is not None and action.maps.pick.shape == policy.workspace.shape
@@ -52,15 +79,95 @@ def test_train_stop_resume_and_use(flat_set: Path, tmp_path: Path) -> None:
     assert card["made_by"]["steps_done"] == CONFIG.steps
 
 
-def test_a_resumed_run_is_the_uninterrupted_run(flat_set: Path, tmp_path: Path) -> None:
-    whole = _trainer(flat_set, tmp_path / "a")
-    whole.run(lambda _: None)
-    halves = _trainer(flat_set, tmp_path / "b")
-    halves.run(lambda _: None, should_stop=lambda: halves.step >= 4)
-    resumed = _trainer(flat_set, tmp_path / "b")
-    resumed.run(lambda _: None)
-    a, b = whole.average.locator.null_score, resumed.average.locator.null_score
-    assert float(a) == pytest.approx(float(b), abs=1e-4)
+@pytest.mark.parametrize("kind", ["compact", "streams", "streams, no average"])
+def test_a_resumed_run_is_the_uninterrupted_run(kind: str, make_flat_set: Callable[..., Path], tmp_path: Path) -> None:
+    """To the last bit of weights, averages and optimiser."""
+    data = make_flat_set(tmp_path / "data", 6, pixel_size=SMALL)
+    network = replace(TINY, crop_pixels=16) if kind == "compact" else _streams()
+    config = replace(CONFIG, steps=6, ema_decay=0.0) if "no average" in kind else replace(CONFIG, steps=6)
+    _trainer(data, tmp_path / "a", config, network).run(_silent)
+    halves = _trainer(data, tmp_path / "b", config, network)
+    halves.run(_silent, should_stop=lambda: halves.step >= 3)
+    assert halves.step == 3
+    resumed = _trainer(data, tmp_path / "b", config, network)
+    assert resumed.step == 3
+    resumed.run(_silent)
+    for name in ("policy.safetensors", "training_state.safetensors"):
+        assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
+
+
+def test_accumulated_parts_are_the_large_batch(make_flat_set: Callable[..., Path], tmp_path: Path) -> None:
+    """Tolerance 1e-5, in float32, for a network without batch norm; parts of 1 to 2 samples, some without an action."""
+    data = make_flat_set(tmp_path / "data", 6, pixel_size=SMALL)
+    results = []
+    for accumulate in (1, 4):
+        config = replace(CONFIG, steps=3, batch_size=6, accumulate=accumulate, precision="float32")
+        losses: list[Progress] = []
+        trainer = _trainer(data, tmp_path / str(accumulate), config, _streams())
+        trainer.run(losses.append)
+        results.append(([p.losses for p in losses], trainer.network.state_dict()))
+    (whole, weights), (parts, other) = results
+    for a, b in zip(whole, parts, strict=True):
+        assert a == pytest.approx(b, rel=1e-4)
+    assert all(torch.allclose(weights[name], other[name], atol=1e-5) for name in weights)
+
+
+def test_the_papers_recipe_trains_any_network(make_flat_set: Callable[..., Path], tmp_path: Path) -> None:
+    data = make_flat_set(tmp_path / "data", 3, actions=2, pixel_size=SMALL)
+    config = replace(PAPER, steps=3, batch_size=2)
+    for name in ("transporter", "image_goal"):
+        trainer = _trainer(data, tmp_path / name, config, _streams(name))
+        seen: list[Progress] = []
+        trainer.run(seen.append)
+        assert trainer.average is trainer.network
+        assert all(p.learning_rate == 1e-4 and p.losses["rotator"] == 0 for p in seen)
+        assert agreement(trainer.network, trainer.data, range(4)).n == 4
+        assert load_policy(tmp_path / name, "float32").card.network == _streams(name)
+
+
+def test_it_learns(make_flat_set: Callable[..., Path], tmp_path: Path) -> None:
+    data = make_flat_set(tmp_path / "data", 6, pixel_size=SMALL)
+    config = replace(CONFIG, steps=40, batch_size=8, learning_rate=5e-3, ema_decay=0.5)
+    seen: list[Progress] = []
+    _trainer(data, tmp_path / "run", config, replace(TINY, crop_pixels=16)).run(seen.append)
+    first, last = (sum(sum(p.losses.values()) for p in part) for part in (seen[:8], seen[-8:]))
+    assert last < 0.7 * first
+
+
+@pytest.fixture
+def small_files() -> Iterator[None]:
+    """Files can't grow beyond 20 kB, as if the disk were full."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    old = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, before[1]))
+    yield
+    resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    signal.signal(signal.SIGXFSZ, old)
+
+
+def test_a_full_disk_keeps_the_last_good_checkpoint(
+    flat_set: Path, tmp_path: Path, request: pytest.FixtureRequest
+) -> None:
+    out = tmp_path / "run"
+    first = _trainer(flat_set, out)
+    first.run(_silent, should_stop=lambda: first.step >= 2)
+    files = {path.name: path.read_bytes() for path in out.iterdir()}
+    again = _trainer(flat_set, out)
+    request.getfixturevalue("small_files")
+    with pytest.raises(CheckpointError, match=r"can't write .*policy\.safetensors") as caught:
+        again.run(_silent)
+    assert "\n" not in str(caught.value)
+    assert {path.name: path.read_bytes() for path in out.iterdir()} == files
+    assert load_policy(out).card.made_by["steps_done"] == 2
+
+
+def test_a_loss_that_is_no_number_is_not_saved(flat_set: Path, tmp_path: Path) -> None:
+    trainer = _trainer(flat_set, tmp_path / "run")
+    with torch.no_grad():
+        trainer.network.locator.null_score.fill_(float("nan"))  # type: ignore[union-attr]
+    with pytest.raises(TrainingError, match="lower --learning-rate"):
+        trainer.run(_silent)
+    assert not (tmp_path / "run").exists()
 
 
 def test_a_policy_refuses_what_it_cannot_use(flat_set: Path, tmp_path: Path) -> None:
@@ -72,11 +179,11 @@ def test_a_policy_refuses_what_it_cannot_use(flat_set: Path, tmp_path: Path) -> 
             policy.check_instruction(text)
         assert "\n" not in str(caught.value) and len(str(caught.value)) < 400
     with pytest.raises(ObservationError, match="workspace"):
-        policy.infer(_observation(WorkspaceSpec(y_max=0.3)), "put the red blocks in a blue bowl")
+        policy.infer(_observation(WorkspaceSpec(y_max=0.3)), SENTENCE)
     blind = _observation()
     object.__setattr__(blind, "valid", np.zeros(blind.workspace.shape, bool))
     with pytest.raises(ObservationError, match="no valid cell"):
-        policy.infer(blind, "put the red blocks in a blue bowl")
+        policy.infer(blind, SENTENCE)
 
 
 def test_damaged_checkpoints_are_named(flat_set: Path, tmp_path: Path) -> None:
@@ -88,7 +195,7 @@ def test_damaged_checkpoints_are_named(flat_set: Path, tmp_path: Path) -> None:
         "damaged": lambda: weights.write_bytes(good_weights[: len(good_weights) // 2]),
         "does not fit": lambda: card.write_text(good_card.replace('"goal_dim": 16', '"goal_dim": 24')),
         "card .* is damaged": lambda: card.write_text(good_card[:100]),
-        "format": lambda: card.write_text(good_card.replace('"version": 1', '"version": 99')),
+        "format": lambda: card.write_text(good_card.replace('"version": 1,', '"version": 99,', 1)),
         "no card": card.unlink,
         "no checkpoint": weights.unlink,
     }
@@ -103,25 +210,25 @@ def test_damaged_checkpoints_are_named(flat_set: Path, tmp_path: Path) -> None:
 
 def test_other_settings_do_not_resume(flat_set: Path, tmp_path: Path) -> None:
     _trainer(flat_set, tmp_path / "run").save()
-    with pytest.raises(DataError, match="can't be resumed"):
-        Trainer(
-            load_demonstrations(flat_set),
-            tmp_path / "run",
-            NetworkConfig(widths=(8, 16)),
-            CONFIG,
-            shared_encoder(),
-            {},
-        )
+    with pytest.raises(DataError, match=r"can't be resumed.*network\.crop_pixels was 32, not 64"):
+        _trainer(flat_set, tmp_path / "run", network=replace(TINY, crop_pixels=64))
+    with pytest.raises(DataError, match=r"train\.batch_size was 3, not 4"):
+        _trainer(flat_set, tmp_path / "run", replace(CONFIG, batch_size=4))
+    fewer = load_demonstrations(flat_set).first_episodes(2)
+    with pytest.raises(DataError, match=r"data\.demonstrations was 6, not 2"):
+        Trainer([Source(fewer)], tmp_path / "run", TINY, CONFIG, shared_encoder(), {})
+    _trainer(flat_set, tmp_path / "run", replace(CONFIG, steps=9))  # longer is allowed
 
 
-def test_a_missing_data_set_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["--data", str(tmp_path / "none"), "--out", str(tmp_path / "out")]) == 1
-    error = capsys.readouterr().err.strip()
-    assert error.startswith("error: no data set at") and "\n" not in error
+@pytest.mark.parametrize(
+    "changes", [{"steps": 0}, {"learning_rate": float("nan")}, {"targets": "sfot"}, {"batch_size": 1.5}]
+)
+def test_settings_that_cannot_be(changes: dict[str, object]) -> None:
+    with pytest.raises(ConfigError, match=next(iter(changes))):
+        replace(CONFIG, **changes)  # type: ignore[arg-type]
 
 
-def test_a_damaged_part_is_named(flat_set: Path) -> None:
-    part = flat_set / "part-00000.parquet"
-    part.write_bytes(part.read_bytes()[:200])
-    with pytest.raises(DataError, match=r"part-00000\.parquet"):
-        load_demonstrations(flat_set)
+def test_agreement_is_of_mixtures(flat_set: Path, tmp_path: Path) -> None:
+    trainer = _trainer(flat_set, tmp_path / "run")
+    found = agreement(trainer.average, Mixture([Source(load_demonstrations(flat_set))]), range(3))
+    assert found.n == 3 and 0 <= found.pick <= 1

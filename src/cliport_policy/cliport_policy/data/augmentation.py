@@ -1,8 +1,9 @@
-"""Random SE(2) transforms of an observation and its labels (seed, section E), and of its brightness."""
+"""Random SE(2) transforms of an observation and its labels (seed, section E), and small errors of what is measured."""
 
 from __future__ import annotations
 
 import math
+import re
 from typing import NamedTuple
 
 import cv2
@@ -10,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 MAX_TRIES = 100
+_HEIGHT_ERROR = 0.002  # m: of the table's height, as a calibration error makes it
+_DIRECTION = re.compile(r"\b(left|right|top|bottom|front|back|near|far)\b")
 
 
 class PlanarTransform(NamedTuple):
@@ -17,6 +20,10 @@ class PlanarTransform(NamedTuple):
 
     angle: float
     matrix: NDArray[np.float64]
+
+    @property
+    def is_identity(self) -> bool:
+        return bool((self.matrix == np.eye(2, 3)).all())
 
     def pixel(self, pixel: tuple[float, float]) -> tuple[float, float]:
         """Where (row, col) goes."""
@@ -60,9 +67,20 @@ def warp(channels: NDArray[np.float32], transform: PlanarTransform) -> NDArray[n
     return out
 
 
+def names_direction(instruction: str) -> bool:
+    """Whether a sentence speaks of a side of the scene, which a turned picture would make untrue."""
+    return _DIRECTION.search(instruction.lower()) is not None
+
+
 def jitter_color(color: NDArray[np.uint8], rng: np.random.Generator) -> NDArray[np.uint8]:
     """Small random gain per channel and brightness, as an exposure or white-balance error makes."""
     gain = rng.normal(1.0, 0.04) * rng.normal(1.0, 0.02, 3)
     offset = rng.normal(0.0, 5.0)
     table = np.clip(np.arange(256)[:, None] * gain + offset, 0, 255).astype(np.uint8)  # (256, 3)
-    return np.stack([table[color[..., c], c] for c in range(3)], axis=-1)
+    out: NDArray[np.uint8] = cv2.LUT(color, table[None])
+    return out
+
+
+def jitter_height(height: NDArray[np.float32], rng: np.random.Generator) -> NDArray[np.float32]:
+    """All heights [m] up or down by the same 2 mm or so."""
+    return height + np.float32(rng.normal(0.0, _HEIGHT_ERROR))

@@ -1,27 +1,37 @@
-"""Training batches: demonstrations drawn, reworded, augmented and stacked in background threads."""
+"""Training samples: demonstrations reworded, jittered and moved, and stacked to batches."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
-from cliport_policy.augmentation import draw_transform, identity_transform, jitter_color, warp
+from cliport_perception.heightmap import Heightmap
 from cliport_policy.config import TrainConfig
-from cliport_policy.demonstrations import DemonstrationSet
-from cliport_policy.observation import stack_channels, to_tensor
-from cliport_policy.paraphrase import paraphrase
+from cliport_policy.data.augmentation import (
+    PlanarTransform,
+    draw_transform,
+    identity_transform,
+    jitter_color,
+    jitter_height,
+    names_direction,
+    warp,
+)
+from cliport_policy.data.mixture import Drawn
+from cliport_policy.data.paraphrase import paraphrase
+from cliport_policy.observation import stack_channels
 
 
 class Sample(NamedTuple):
     """One augmented training sample; pixels are float (row, col)."""
 
-    image: Tensor  # (5, H, W)
+    image: NDArray[np.float32]  # (H, W, 5)
+    goal_image: NDArray[np.float32] | None  # (H, W, 5)
     phrase: str
     done: bool
     pick: tuple[float, float]
@@ -29,6 +39,7 @@ class Sample(NamedTuple):
     pick_yaw_period: float
     place: tuple[float, float]
     rotation: float  # place yaw - pick yaw, rad
+    seed: int  # of what the loss draws for this sample
 
 
 class Batch(NamedTuple):
@@ -42,12 +53,23 @@ class Batch(NamedTuple):
     pick_yaw_period: Tensor  # (B,)
     place: Tensor  # (B, 2)
     rotation: Tensor  # (B,)
+    seeds: Tensor  # (B,) int64: of what the loss draws, sample by sample
+    goal_images: Tensor | None = None  # (B, 5, H, W)
+
+    def to(self, device: torch.device) -> Batch:
+        """The same on a device; the seeds stay, for what is drawn is drawn on the CPU."""
+        moved = {
+            name: value.to(device)
+            for name, value in self._asdict().items()
+            if isinstance(value, Tensor) and name != "seeds"
+        }
+        return self._replace(**moved)
 
 
 class Phrasebook:
     """A fixed number of wordings a goal, drawn once, so that their embeddings can be kept."""
 
-    def __init__(self, instructions: list[str], phrases_per_goal: int, rng: np.random.Generator) -> None:
+    def __init__(self, instructions: Iterable[str], phrases_per_goal: int, rng: np.random.Generator) -> None:
         self._phrases = {
             text: sorted({text, *(paraphrase(text, rng) for _ in range(phrases_per_goal))})
             for text in sorted(set(instructions))
@@ -61,37 +83,49 @@ class Phrasebook:
         return sorted({phrase for phrases in self._phrases.values() for phrase in phrases})
 
 
-def make_sample(
-    data: DemonstrationSet,
-    index: tuple[int, int],
-    phrasebook: Phrasebook,
-    config: TrainConfig,
-    rng: np.random.Generator,
-) -> Sample:
-    """One demonstration, reworded, its observation jittered and (with augment_probability) moved by an SE(2)."""
-    frame = data.frames[index[0]]
-    demo = frame.demos[index[1]]
-    channels = stack_channels(jitter_color(frame.color, rng), data.height_m(frame), frame.valid)
+def make_sample(drawn: Drawn, phrasebook: Phrasebook, config: TrainConfig, rng: np.random.Generator) -> Sample:
+    """One demonstration, reworded, its images jittered alike and (with augment_probability) moved by an SE(2)."""
+    demo = drawn.demo
+    phrase, seed = phrasebook.draw(demo.instruction, rng), int(rng.integers(2**62))
+    observation = drawn.data.observation(drawn.frame)
     transform = identity_transform()
     if rng.random() < config.augment_probability:
         keep = [] if demo.done else [demo.pick_pixel, demo.place_pixel]
-        transform = draw_transform(frame.valid.shape, keep, config.rotation_sigma_deg, config.translation_sigma_px, rng)
-        channels = warp(channels, transform)
+        directed = names_direction(demo.instruction)
+        sigma = config.directed_rotation_sigma_deg if directed else config.rotation_sigma_deg
+        transform = draw_transform(observation.valid.shape, keep, sigma, config.translation_sigma_px, rng)
+    look = int(rng.integers(2**62)) if config.jitter else None
+    goal = None if drawn.goal is None else _image(drawn.data.observation(drawn.goal), transform, look)
     return Sample(
-        image=to_tensor(channels),
-        phrase=phrasebook.draw(demo.instruction, rng),
+        image=_image(observation, transform, look),
+        goal_image=goal,
+        phrase=phrase,
         done=demo.done,
         pick=transform.pixel(demo.pick_pixel),
         pick_yaw=demo.pick_yaw + transform.angle,
         pick_yaw_period=demo.pick_yaw_period,
         place=transform.pixel(demo.place_pixel),
         rotation=math.remainder(demo.place_yaw - demo.pick_yaw, 2 * math.pi),
+        seed=seed,
     )
 
 
-def collate(samples: list[Sample]) -> Batch:
+def _image(observation: Heightmap, transform: PlanarTransform, look: int | None) -> NDArray[np.float32]:
+    """(H, W, 5), moved, and jittered as the seed `look` says."""
+    color: NDArray[np.uint8] = observation.color
+    height: NDArray[np.float32] = observation.height
+    if look is not None:
+        rng = np.random.default_rng(look)
+        color, height = jitter_color(color, rng), jitter_height(height, rng)
+    channels = stack_channels(color, height, observation.valid)
+    return channels if transform.is_identity else warp(channels, transform)
+
+
+def collate(samples: Sequence[Sample]) -> Batch:
+    """Stack samples; the images are in channels-last order in memory."""
+    goals = [s.goal_image for s in samples if s.goal_image is not None]
     return Batch(
-        images=torch.stack([s.image for s in samples]).contiguous(memory_format=torch.channels_last),
+        images=_stack([s.image for s in samples]),
         phrases=[s.phrase for s in samples],
         done=torch.tensor([s.done for s in samples]),
         pick=torch.tensor([s.pick for s in samples]),
@@ -99,33 +133,11 @@ def collate(samples: list[Sample]) -> Batch:
         pick_yaw_period=torch.tensor([s.pick_yaw_period for s in samples]),
         place=torch.tensor([s.place for s in samples]),
         rotation=torch.tensor([s.rotation for s in samples]),
+        seeds=torch.tensor([s.seed for s in samples]),
+        goal_images=_stack(goals) if goals else None,
     )
 
 
-def batches(data: DemonstrationSet, phrasebook: Phrasebook, config: TrainConfig, first_step: int) -> Iterator[Batch]:
-    """Endless batches from first_step on; batch i is the same whenever it is drawn, so training can be resumed.
-
-    One demonstration in three of an observation's goals is drawn as often as another; samples are drawn with
-    replacement, an action as likely as a frame where nothing remains to be done is rare.
-    """
-    samples = data.samples()
-    done = np.array([data.frames[i].demos[j].done for i, j in samples])
-    weight = np.where(done, 0.15 / max(done.sum(), 1), 0.85 / max((~done).sum(), 1))
-    weight /= weight.sum()
-
-    def make(step: int) -> Batch:
-        rng = np.random.default_rng((config.seed, step))
-        chosen = rng.choice(len(samples), config.batch_size, p=weight)
-        return collate([make_sample(data, samples[int(i)], phrasebook, config, rng) for i in chosen])
-
-    with ThreadPoolExecutor(1) as pool:
-        pending = [pool.submit(make, first_step + i) for i in range(2)]
-        step = first_step + 2
-        try:
-            while True:
-                yield pending.pop(0).result()
-                pending.append(pool.submit(make, step))
-                step += 1
-        finally:
-            for future in pending:
-                future.cancel()
+def _stack(images: Sequence[NDArray[np.float32]]) -> Tensor:
+    """(H, W, 5) each -> (B, 5, H, W)."""
+    return torch.from_numpy(np.stack(images)).permute(0, 3, 1, 2)

@@ -1,23 +1,29 @@
-"""Demonstrations on disk and in memory: Parquet with PNG-encoded heightmaps, read once and kept decoded."""
+"""Demonstrations on disk: an index of what the experts did, and observations decoded when they are asked for."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
+import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
+from cliport_perception.heightmap import Heightmap
 from cliport_perception.workspace import WorkspaceSpec
+from cliport_policy.data.encoded_rows import IMAGES, EncodedRows, Place
 from cliport_policy.errors import DataError
 
 FORMAT_VERSIONS = (1, 2)  # what differs between them is not read here
-HEIGHT_UNIT = 1e-4  # m: heights are stored as 16-bit integers above the workspace's z_min
+HEIGHT_UNIT = 1e-4  # m: of stored heights above the workspace's z_min, where a data set does not say
+CACHE_BYTES = 4 << 30  # of encoded observations in memory: about 40,000
 
 
 @dataclass(frozen=True)
@@ -38,38 +44,99 @@ class Demonstration:
 
 @dataclass(frozen=True)
 class Frame:
-    """One observation and the demonstrations given in it (the first is the episode's own)."""
+    """Where one observation lies, and the demonstrations given in it (the first is the episode's own)."""
 
-    color: NDArray[np.uint8]  # (rows, cols, 3)
-    height: NDArray[np.uint16]  # (rows, cols) in HEIGHT_UNIT above z_min
-    valid: NDArray[np.bool_]  # (rows, cols)
+    place: Place
     demos: tuple[Demonstration, ...]
+    task: str
     episode: int
     step: int
 
 
+class Index(NamedTuple):
+    """Of a demonstration in a set."""
+
+    frame: int
+    demo: int
+
+
 @dataclass(frozen=True)
 class DemonstrationSet:
-    """All frames of a data set folder, decoded: about 0.3 MB each. meta is what made it."""
+    """The frames of a data set folder, by task, episode and step; meta is what made it."""
 
     frames: list[Frame]
     workspace: WorkspaceSpec
     meta: dict[str, Any]
+    rows: EncodedRows
+    folder: Path
 
-    def height_m(self, frame: Frame) -> NDArray[np.float32]:
-        """(rows, cols) float32 m, 0 where nothing was seen."""
-        height = frame.height.astype(np.float32) * HEIGHT_UNIT + self.workspace.z_min
-        return np.where(frame.valid, height, np.float32(0))
+    def observation(self, frame: Frame) -> Heightmap:
+        """Decode a frame; heights are 0 where nothing was seen. Raises DataError where an image is damaged."""
+        encoded = self.rows.read(frame.place)
+        try:
+            color = cv2.cvtColor(_decode(encoded[0], cv2.IMREAD_COLOR), cv2.COLOR_BGR2RGB)
+            units = _decode(encoded[1], cv2.IMREAD_UNCHANGED).astype(np.float32)
+            valid = _decode(encoded[2], cv2.IMREAD_UNCHANGED) > 0
+            units *= np.float32(self.meta.get("height_unit", HEIGHT_UNIT))
+            height = np.where(valid, units + np.float32(self.workspace.z_min), np.float32(0))
+            if {color.shape[:2], height.shape, valid.shape} != {self.workspace.shape}:
+                raise ValueError(f"an image is not of the workspace's shape {self.workspace.shape}")
+        except (ValueError, cv2.error) as error:
+            raise DataError(
+                f"episode {frame.episode}, step {frame.step} of {self.folder} can't be decoded "
+                f"({' '.join(str(error).split())[:120]}): delete its part and run generate again"
+            ) from None
+        return Heightmap(color.astype(np.uint8), height, valid, self.workspace, 0)
 
-    def samples(self) -> list[tuple[int, int]]:
-        """(frame, demonstration) index pairs."""
-        return [(i, j) for i, frame in enumerate(self.frames) for j in range(len(frame.demos))]
+    def samples(self) -> list[Index]:
+        """All demonstrations."""
+        return [Index(i, j) for i, frame in enumerate(self.frames) for j in range(len(frame.demos))]
+
+    def demo(self, index: Index) -> Demonstration:
+        return self.frames[index.frame].demos[index.demo]
+
+    def goal_frames(self) -> dict[int, int]:
+        """Which frame shows what a frame's own demonstration leads to, by frame number (spec, section 9.6).
+
+        The next observation for a task in steps ("-seq"), the episode's last one for others; absent where the
+        episode has no observation of its finished scene.
+        """
+        goals: dict[int, int] = {}
+        last = len(self.frames) - 1
+        for i in range(last, -1, -1):
+            frame = self.frames[i]
+            if i == last or _episode_of(self.frames[i + 1]) != _episode_of(frame):
+                last = i
+            if not self.frames[last].demos[0].done:
+                continue
+            goals[i] = min(i + 1, last) if "-seq" in frame.task else last
+        return goals
+
+    def first_episodes(self, count: int) -> DemonstrationSet:
+        """The first `count` episodes of each task, whole.
+
+        Raises DataError where a task has fewer.
+        """
+        episodes: dict[str, list[int]] = {}
+        for frame in self.frames:
+            known = episodes.setdefault(frame.task, [])
+            if frame.episode not in known[-1:]:
+                known.append(frame.episode)
+        for task, known in episodes.items():
+            if len(known) < count:
+                raise DataError(
+                    f"{self.folder} has {len(known)} demonstrations of {task or 'its task'}, {count} were asked for: "
+                    "generate more or give a smaller --n-demos"
+                )
+        kept = {(task, episode) for task, known in episodes.items() for episode in known[:count]}
+        frames = [frame for frame in self.frames if _episode_of(frame) in kept]
+        return DemonstrationSet(frames, self.workspace, self.meta, self.rows, self.folder)
 
 
-def load_demonstrations(folder: str | Path, max_frames: int | None = None) -> DemonstrationSet:
-    """Read a data set folder.
+def load_demonstrations(folder: str | Path, cache_bytes: int = CACHE_BYTES) -> DemonstrationSet:
+    """Index a data set folder; images stay on disk, but for at most cache_bytes of what was read last.
 
-    Raises DataError, naming the file, where it is missing, of another version or damaged.
+    Raises DataError, naming the file, where it is missing, empty, of another version or damaged.
     """
     folder = Path(folder)
     meta = _read_meta(folder)
@@ -77,15 +144,31 @@ def load_demonstrations(folder: str | Path, max_frames: int | None = None) -> De
         workspace = WorkspaceSpec.from_dict(meta["workspace"])
     except Exception as error:
         raise DataError(f"{folder}/meta.json holds no usable workspace ({error}): generate it again") from error
-    frames: list[Frame] = []
-    for part in sorted(folder.glob("part-*.parquet")):
-        for frame in _read_part(part):
-            frames.append(frame)
-            if max_frames is not None and len(frames) >= max_frames:
-                return DemonstrationSet(frames, workspace, meta)
+    parts = sorted(folder.glob("part-*.parquet"))
+    frames = [frame for number, part in enumerate(parts) for frame in _read_part(part, number, meta.get("task", ""))]
     if not frames:
-        raise DataError(f"{folder} holds no part-*.parquet: generate demonstrations first (cliport_benchmark generate)")
-    return DemonstrationSet(frames, workspace, meta)
+        raise DataError(f"{folder} holds no demonstrations: generate some first (cliport_benchmark generate)")
+    frames.sort(key=lambda frame: (frame.task, frame.episode, frame.step))
+    _check(frames, workspace, folder)
+    return DemonstrationSet(frames, workspace, meta, EncodedRows(parts, cache_bytes), folder)
+
+
+def _check(frames: list[Frame], workspace: WorkspaceSpec, folder: Path) -> None:
+    for before, after in pairwise(frames):
+        if (_episode_of(before), before.step) == (_episode_of(after), after.step):
+            raise DataError(f"{folder} holds episode {after.episode} twice: delete one of its parts")
+    for frame in frames:
+        for demo in frame.demos:
+            pixels = () if demo.done else (demo.pick_pixel, demo.place_pixel)
+            if any(not 0 <= at < size for pixel in pixels for at, size in zip(pixel, workspace.shape, strict=True)):
+                raise DataError(
+                    f"episode {frame.episode} of {folder} acts at the pixels {pixels}, outside its workspace of "
+                    f"{workspace.shape}: generate it again"
+                )
+
+
+def _episode_of(frame: Frame) -> tuple[str, int]:
+    return frame.task, frame.episode
 
 
 def _read_meta(folder: Path) -> dict[str, Any]:
@@ -94,36 +177,40 @@ def _read_meta(folder: Path) -> dict[str, Any]:
         raise DataError(f"no data set at {folder} (meta.json is missing): make one with cliport_benchmark generate")
     try:
         meta = json.loads(path.read_text())
-    except ValueError as error:
+    except (OSError, ValueError) as error:
         raise DataError(f"{path} is not JSON ({error}): generate the data set again") from error
     if not isinstance(meta, dict) or meta.get("version") not in FORMAT_VERSIONS:
+        version = meta.get("version") if isinstance(meta, dict) else None
         known = " and ".join(str(version) for version in FORMAT_VERSIONS)
-        raise DataError(f"{path} has version {meta.get('version')!r}, this reader knows {known}: generate again")
+        raise DataError(f"{path} has version {version!r}, this reader knows {known}: generate again")
     return meta
 
 
-def _read_part(path: Path) -> Iterator[Frame]:
+def _read_part(path: Path, number: int, task: str) -> Iterator[Frame]:
+    """The frames of a part without their images."""
     try:
-        table = pq.ParquetFile(path)
-        for batch in table.iter_batches(batch_size=64):
-            for row in batch.to_pylist():
-                yield _frame(row)
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise DataError(f"{path} can't be read ({error}): delete it and run generate again") from error
-
-
-def _frame(row: dict[str, Any]) -> Frame:
-    return Frame(
-        color=cv2.cvtColor(_png(row["color_png"], cv2.IMREAD_COLOR), cv2.COLOR_BGR2RGB),
-        height=_png(row["height_png"], cv2.IMREAD_UNCHANGED).astype(np.uint16),
-        valid=_png(row["valid_png"], cv2.IMREAD_UNCHANGED) > 0,
-        demos=tuple(_demonstration(demo) for demo in row["demos"]),
-        episode=row["episode"],
-        step=row["step"],
-    )
+        with pq.ParquetFile(path) as file:
+            names = file.schema_arrow.names
+            missing = {*IMAGES, "episode", "step", "demos"} - set(names)
+            if missing:
+                raise KeyError(f"no column {sorted(missing)[0]}")
+            columns = [name for name in names if name not in IMAGES]
+            for group in range(file.num_row_groups):
+                for row, values in enumerate(file.read_row_group(group, columns).to_pylist()):
+                    demos = tuple(_demonstration(demo) for demo in values["demos"])
+                    if not demos:
+                        raise ValueError(f"episode {values['episode']} has no demonstration")
+                    place = Place(number, group, row)
+                    yield Frame(place, demos, values.get("task", task), values["episode"], values["step"])
+    except (OSError, ValueError, KeyError, TypeError, pa.ArrowException) as error:
+        reason = " ".join(str(error).split())[:160]
+        raise DataError(f"{path} can't be read ({reason}): delete it and run generate again") from error
 
 
 def _demonstration(demo: dict[str, Any]) -> Demonstration:
+    numbers: Sequence[float] = [demo[name] for name in ("pick_yaw", "pick_yaw_period", "place_yaw")]
+    if not all(math.isfinite(number) for number in numbers):
+        raise ValueError(f"a yaw is not a number: {demo}")
     return Demonstration(
         instruction=demo["instruction"],
         done=demo["done"],
@@ -135,7 +222,7 @@ def _demonstration(demo: dict[str, Any]) -> Demonstration:
     )
 
 
-def _png(data: bytes, flags: int) -> NDArray[Any]:
+def _decode(data: Any, flags: int) -> NDArray[Any]:
     image = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
     if image is None:
         raise ValueError("an image is damaged")

@@ -7,9 +7,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import torch
 from torch import Tensor
 
+from cliport_policy.blank import blank_modules
 from cliport_policy.encoders.clip_modules import ClipResNet, ClipText
 from cliport_policy.encoders.files import read_state_dict
 from cliport_policy.encoders.frozen import FrozenEncoders, Vision
@@ -46,7 +46,7 @@ def load_clip(name: str, path: Path) -> FrozenEncoders:
 
 def _resnet(weights: Mapping[str, Tensor]) -> ClipResNet:
     blocks = [_count(weights, f"visual.layer{stage + 1}.") for stage in range(_N_STAGES)]
-    with torch.device("meta"):
+    with blank_modules():
         network = ClipResNet(weights["visual.layer1.0.conv1.weight"].shape[0], blocks)
     named = {
         (name if name.startswith("layer") else f"stem.{name}"): value
@@ -60,7 +60,7 @@ def _resnet(weights: Mapping[str, Tensor]) -> ClipResNet:
 def _text(weights: Mapping[str, Tensor]) -> ClipText:
     vocabulary, width = weights["token_embedding.weight"].shape
     context, dim = weights["positional_embedding"].shape[0], weights["text_projection"].shape[1]
-    with torch.device("meta"):
+    with blank_modules():
         network = ClipText(vocabulary, context, width, _count(weights, "transformer.resblocks."), dim)
     network.load_state_dict({name: weights[name] for name in network.state_dict()}, assign=True)
     return network.float()

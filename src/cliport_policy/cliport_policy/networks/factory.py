@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import os
+import shutil
+from collections.abc import Mapping
 from pathlib import Path
 
 import torch
 from torch import Tensor
 
+from cliport_policy.blank import blank_modules
+from cliport_policy.checkpoint import ANCHORS
 from cliport_policy.config import NetworkConfig
 from cliport_policy.encoders.files import models_folder
 from cliport_policy.encoders.registry import encoders_of, on_hand
-from cliport_policy.errors import CheckpointError
+from cliport_policy.errors import CheckpointError, ConfigError
 from cliport_policy.named_configs import AnyNetworkConfig
 from cliport_policy.networks.compact import CompactNetwork
 from cliport_policy.networks.policy_network import PolicyNetwork
@@ -32,7 +37,7 @@ def build_network(config: AnyNetworkConfig) -> PolicyNetwork:
 
 
 def restore_network(
-    config: AnyNetworkConfig, tensors: dict[str, Tensor], frozen: str, path: Path, precision: str = "auto"
+    config: AnyNetworkConfig, tensors: Mapping[str, Tensor], frozen: str, path: Path, precision: str = "auto"
 ) -> PolicyNetwork:
     """The network of a checkpoint, ready to act. precision: `float32`, `bfloat16`, or `auto`: what is fast here.
 
@@ -47,7 +52,8 @@ def restore_network(
             f"put the files it was trained on into {models_folder()}"
         )
     try:
-        network.load_state_dict({name: _as(tensors.pop(name), dtype) for name in list(tensors)}, assign=True)
+        weights = {name: _as(tensors[name], dtype) for name in tensors if name != ANCHORS}
+        network.load_state_dict(weights, assign=True)
     except RuntimeError as error:
         reason = " ".join(str(error).split())[:200]
         raise CheckpointError(
@@ -59,13 +65,21 @@ def restore_network(
 def _empty(config: AnyNetworkConfig, precision: str) -> tuple[PolicyNetwork, torch.dtype]:
     """A network whose weights take no memory yet, and the type that they shall have."""
     if isinstance(config, NetworkConfig):
-        with torch.device("meta"):
+        with blank_modules():
             return CompactNetwork(config), torch.float32
     fast = precision == "bfloat16" or (precision == "auto" and has_fast_bfloat16())
     dtype = torch.bfloat16 if fast else torch.float32
     encoders = encoders_of(config, dtype)
-    with torch.device("meta"):
+    with blank_modules():
         return StreamsNetwork(config, encoders), dtype
+
+
+def compile_network(network: PolicyNetwork) -> None:
+    """Have its nets compiled at their first use. Raises ConfigError where there is no C++ compiler."""
+    compiler = os.environ.get("CXX") or "g++"
+    if shutil.which(compiler) is None:
+        raise ConfigError(f"compile: true needs the C++ compiler {compiler}: install it, or leave compile out")
+    network.compile_parts()
 
 
 def has_fast_bfloat16() -> bool:

@@ -43,6 +43,13 @@ class PolicyNetwork(nn.Module, ABC):
         """Which frozen encoders the weights belong to, where they are not the policy's own sentence encoder."""
         return ""
 
+    def compile_parts(self, backend: str = "inductor") -> None:
+        """Let torch compile each net at its first use: half a minute then, faster afterwards."""
+        for module in self.children():
+            parts = module.values() if isinstance(module, nn.ModuleDict) else (module,)
+            for part in parts:
+                part.compile(backend=backend)
+
     @abstractmethod
     def encode_goal(self, sentences: Sequence[str], images: Tensor | None = None) -> Goal:
         """B sentences, and (B, 5, H, W) goal images where the network needs them, on the network's device."""

@@ -6,6 +6,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
+from cliport_policy.networks.correlation import correlate_centered
 from cliport_policy.networks.rotation import rotated_windows, window_offsets
 from cliport_policy.networks.unet import FilmUNet
 
@@ -38,38 +39,11 @@ class Transport(nn.Module):
         query = F.normalize(self.query(features).float(), dim=1)
         # Turning what is held by +angle means reading it at -angle.
         window = rotated_windows(query, (pick - 0.5) / 2, -angles, self.query_cells)  # (B, R, C, q, q)
-        window = window * self._window_weight(x.device)
-        scores = correlate(key, window)
-        return scores * self.log_scale.exp() + self.bias(features).float()
+        window = window * (self._window_weight(x.device) * self.log_scale.exp())
+        return correlate_centered(key, window) + self.bias(features).float()
 
     def _window_weight(self, device: torch.device) -> Tensor:
         """A learned Gaussian over the query window that sums to 1: (q, q)."""
         offsets = window_offsets(self.query_cells, torch.zeros(1, device=device))[0]  # (q, q, 2)
         weight = torch.exp(-offsets.square().sum(-1) / (2 * self.log_radius.exp().square()))
         return weight / weight.sum()
-
-
-def correlate(key: Tensor, window: Tensor) -> Tensor:
-    """Cross-correlation through the Fourier domain, zero outside the map.
-
-    key: (B, C, h, w); window: (B, R, C, q, q) with q odd -> (B, R, h, w): the score of putting the window's
-    centre on each cell.
-    """
-    h, w = key.shape[-2:]
-    q = window.shape[-1]
-    size = (_fast_length(h + q), _fast_length(w + q))
-    spectrum = torch.fft.rfft2(key, s=size).unsqueeze(1) * torch.fft.rfft2(window, s=size).conj()
-    full = torch.fft.irfft2(spectrum.sum(2), s=size)  # (B, R, *size); index 0 is the window's corner on cell 0
-    return torch.roll(full, (q // 2, q // 2), dims=(-2, -1))[..., :h, :w]
-
-
-def _fast_length(n: int) -> int:
-    """The next length that factors into 2, 3 and 5 only."""
-    while True:
-        m = n
-        for p in (2, 3, 5):
-            while m % p == 0:
-                m //= p
-        if m == 1:
-            return n
-        n += 1

@@ -14,8 +14,8 @@ from std_srvs.srv import Trigger
 
 from cliport_interfaces.action import PickPlace
 from cliport_policy import conversions
-from cliport_policy.server_logic import PolicyServer
-from cliport_policy.server_types import ExecutionOutcome, Moment, Proposal
+from cliport_policy.server.logic import PolicyServer
+from cliport_policy.server.types import ExecutionOutcome, Moment, Proposal
 
 
 class ExecutorLink:

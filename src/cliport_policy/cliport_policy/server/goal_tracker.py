@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from enum import Enum
 
-from cliport_policy.server_types import ExecutorPort, Moment, Proposal, ServerConfig
+from cliport_policy.server.types import ExecutorPort, Moment, Proposal, ServerConfig
 
 _STALL = 0.2  # a longer pause between ticks was our own; the executor is not to blame for it [s]
 

@@ -14,6 +14,7 @@ from cliport_perception.heightmap import Heightmap
 from cliport_perception.workspace import WorkspaceSpec
 from cliport_policy.action import PickPlaceAction
 from cliport_policy.errors import PolicyError
+from cliport_policy.memory import trim_heap
 
 WARM_UP = "put the red blocks in the green bowl"
 
@@ -71,6 +72,7 @@ class InferenceWorker:
             reason = " ".join(str(error).split())[:200]
             answer = InferenceAnswer(token, None, None, f"inference failed: {type(error).__name__}: {reason}")
         self._on_answer(answer)
+        trim_heap()
 
     def _warm_up(self) -> None:
         workspace = self._policy.workspace
@@ -85,3 +87,4 @@ class InferenceWorker:
             self._policy.infer(empty, WARM_UP, with_maps=True)
         except PolicyError as error:
             logging.getLogger(__name__).debug("no warm-up: %s", error)
+        trim_heap()

@@ -10,8 +10,8 @@ from typing import Any
 
 from cliport_policy.action import PickPlaceAction
 from cliport_policy.errors import PolicyError
-from cliport_policy.goal_tracker import GoalPhase, GoalTracker
-from cliport_policy.server_types import (
+from cliport_policy.server.goal_tracker import GoalPhase, GoalTracker
+from cliport_policy.server.types import (
     BUSY,
     TRY_AGAIN,
     Answer,

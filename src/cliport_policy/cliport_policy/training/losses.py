@@ -9,16 +9,17 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from cliport_policy.batches import Batch
 from cliport_policy.config import TrainConfig
+from cliport_policy.data.batches import Batch
 from cliport_policy.networks.policy_network import Goal, PolicyNetwork
+from cliport_policy.networks.rotation import bin_angles
 
 YAW_SIGMA = math.radians(5.0)  # softness of the rotator's target: half a bin
 CELL_SIGMA = 0.8  # softness of the pick's and the place's target, in cells
 
 
 class Losses(NamedTuple):
-    """Mean losses of a batch (scalars); locator counts every sample, the others those with an action."""
+    """Mean losses (scalars); locator counts every sample, the others those with an action."""
 
     locator: Tensor
     rotator: Tensor
@@ -29,67 +30,80 @@ class Losses(NamedTuple):
 
 
 def compute_losses(
-    network: PolicyNetwork,
-    batch: Batch,
-    config: TrainConfig,
-    generator: torch.Generator,
-    goal_images: Tensor | None = None,
+    network: PolicyNetwork, batch: Batch, config: TrainConfig, samples: int | None = None, actions: int | None = None
 ) -> Losses:
-    """Losses of a batch of any network; goal_images: (B, 5, H, W) for one that needs them."""
-    goal = network.encode_goal(batch.phrases, goal_images)
+    """Losses of a batch of any network; 0 for a rotator that it lacks.
+
+    samples, actions: of the whole that this batch is a part of, where it is: the parts' losses sum up to the whole's.
+    """
+    goal = network.encode_goal(batch.phrases, batch.goal_images)
     act = ~batch.done
+    n_samples, n_actions = samples or len(act), actions or int(act.sum())
     cell = network.cell_size
     size = (batch.images.shape[-2] // cell, batch.images.shape[-1] // cell)
-    location = soft_cells(batch.pick, size, cell).flatten(1)  # (B, h w)
+    location = _cells(batch.pick, size, cell, config).flatten(1)  # (B, h w)
     target = torch.cat((location * act[:, None], batch.done[:, None].float()), dim=1)
-    locator = soft_cross_entropy(network.score_picks(batch.images, goal).float(), target).mean()
+    locator = soft_cross_entropy(network.score_picks(batch.images, goal).float(), target).sum() / n_samples
     if not act.any():
         return Losses(locator, locator.new_zeros(()), locator.new_zeros(()))
+    draws = _Draws(batch.seeds[~batch.done.cpu()], network.config.n_rotations, batch.images.device)
     images, goal = batch.images[act], goal.select(act)
-    rotator = _rotator_loss(network, batch, images, goal, config, generator)
-    transport = _transport_loss(network, batch, images, goal, size, config, generator)
-    return Losses(locator, rotator, transport)
+    rotator = _rotator_losses(network, batch, images, goal, config, draws)
+    transport = _transport_losses(network, batch, images, goal, size, config, draws)
+    return Losses(locator, rotator.sum() / n_actions, transport.sum() / n_actions)
 
 
-def _rotator_loss(
-    network: PolicyNetwork,
-    batch: Batch,
-    images: Tensor,
-    goal: Goal,
-    config: TrainConfig,
-    generator: torch.Generator,
+class _Draws:
+    """What chance decides, sample by sample, so that it does not depend on how samples are batched.
+
+    pick: (A, 2) standard normal; yaws, places: (A, k) uniform.
+    """
+
+    def __init__(self, seeds: Tensor, k: int, device: torch.device) -> None:
+        generators = [torch.Generator().manual_seed(int(seed)) for seed in seeds]
+        self.pick = torch.stack([torch.randn(2, generator=g) for g in generators]).to(device)
+        self.yaws, self.places = torch.stack([torch.rand(2, k, generator=g) for g in generators], dim=1).to(device)
+
+
+def _rotator_losses(
+    network: PolicyNetwork, batch: Batch, images: Tensor, goal: Goal, config: TrainConfig, draws: _Draws
 ) -> Tensor:
+    """(A,), of samples with an action."""
     act = ~batch.done
-    bins = yaw_target(batch.pick_yaw[act], batch.pick_yaw_period[act], network.config.n_rotations)  # (A, k)
-    chosen = _subset(bins, config.rotator_rotations, generator)  # (A, R) bin indices
-    angles = chosen.float() * (2 * math.pi / network.config.n_rotations)
+    make = yaw_target if config.targets == "soft" else yaw_label
+    bins = make(batch.pick_yaw[act], batch.pick_yaw_period[act], network.config.n_rotations)  # (A, k)
+    chosen = _subset(bins.argmax(1), draws.yaws, config.rotator_rotations)  # (A, R) bin indices
+    angles = bin_angles(bins.shape[1], bins.device)[chosen]
     # The predicted pixel is never exact: the crop is not centred exactly either.
-    pick = batch.pick[act] + torch.randn(batch.pick[act].shape, generator=generator) * 1.5
+    pick = batch.pick[act] + (draws.pick * 1.5 if config.jitter else 0.0)
     logits = network.score_yaws(images, goal, pick, angles)
     if logits is None:
-        return images.new_zeros(())
+        return images.new_zeros(len(images))
     target = bins.gather(1, chosen)
-    return soft_cross_entropy(logits.float(), target / target.sum(1, keepdim=True)).mean()
+    return soft_cross_entropy(logits.float(), target / target.sum(1, keepdim=True))
 
 
-def _transport_loss(
+def _transport_losses(
     network: PolicyNetwork,
     batch: Batch,
     images: Tensor,
     goal: Goal,
     size: tuple[int, int],
     config: TrainConfig,
-    generator: torch.Generator,
+    draws: _Draws,
 ) -> Tensor:
+    """(A,), of samples with an action."""
     act = ~batch.done
-    k = network.config.n_rotations
-    right = torch.round(batch.rotation[act] / (2 * math.pi / k)).long() % k  # (A,)
-    chosen = _subset(F.one_hot(right, k).float(), config.transport_rotations, generator)  # (A, R)
-    angles = chosen.float() * (2 * math.pi / k)
-    logits = network.score_places(images, goal, batch.pick[act], angles)  # (A, R, h, w)
-    cells = soft_cells(batch.place[act], size, network.cell_size)  # (A, h, w)
-    target = (chosen == right[:, None]).float()[:, :, None, None] * cells[:, None]
-    return soft_cross_entropy(logits.flatten(1), target.flatten(1)).mean()
+    angles = bin_angles(network.config.n_rotations, images.device)
+    right = torch.round(batch.rotation[act] / (2 * math.pi / len(angles))).long() % len(angles)  # (A,)
+    chosen = _subset(right, draws.places, config.transport_rotations)  # (A, R); the right one is the first
+    logits = network.score_places(images, goal, batch.pick[act], angles[chosen]).float()  # (A, R, h, w)
+    target = _cells(batch.place[act], size, network.cell_size, config)  # (A, h, w), for the right rotation
+    return logits.flatten(1).logsumexp(1) - (target * logits[:, 0]).sum((1, 2))
+
+
+def _cells(pixels: Tensor, size: tuple[int, int], cell: int, config: TrainConfig) -> Tensor:
+    return soft_cells(pixels, size, cell) if config.targets == "soft" else cell_label(pixels, size, cell)
 
 
 def soft_cells(pixels: Tensor, size: tuple[int, int], cell: int = 2) -> Tensor:
@@ -97,11 +111,22 @@ def soft_cells(pixels: Tensor, size: tuple[int, int], cell: int = 2) -> Tensor:
 
     It is 0 everywhere for a pixel far outside, as a done frame's meaningless ones may be.
     """
-    cells = (pixels - (cell - 1) / 2) / cell
-    rows = torch.arange(size[0])[None, :] - cells[:, 0, None]
-    cols = torch.arange(size[1])[None, :] - cells[:, 1, None]
+    rows, cols = _offsets(pixels, size, cell)
     weight = torch.exp(-(rows[:, :, None].square() + cols[:, None, :].square()) / (2 * CELL_SIGMA**2))
     return weight / weight.sum((1, 2), keepdim=True).clamp_min(1e-20)
+
+
+def cell_label(pixels: Tensor, size: tuple[int, int], cell: int = 2) -> Tensor:
+    """As soft_cells, but 1 in the one cell that holds the pixel."""
+    rows, cols = _offsets(torch.round(pixels), size, cell)
+    return ((rows.abs() < 0.5)[:, :, None] & (cols.abs() < 0.5)[:, None, :]).float()
+
+
+def _offsets(pixels: Tensor, size: tuple[int, int], cell: int) -> tuple[Tensor, Tensor]:
+    """Each cell's distance in cells from the pixel: rows (B, h), columns (B, w)."""
+    cells = (pixels - (cell - 1) / 2) / cell
+    rows, cols = (torch.arange(n, device=pixels.device)[None] for n in size)
+    return rows - cells[:, 0, None], cols - cells[:, 1, None]
 
 
 def yaw_target(yaw: Tensor, period: Tensor, n_rotations: int) -> Tensor:
@@ -109,20 +134,25 @@ def yaw_target(yaw: Tensor, period: Tensor, n_rotations: int) -> Tensor:
 
     A parallel gripper looks the same after half a turn, so the period is at most pi.
     """
-    angles = torch.arange(n_rotations) * (2 * math.pi / n_rotations)
     period = torch.clamp(period, max=math.pi)[:, None]
-    error = torch.remainder(angles[None] - yaw[:, None] + period / 2, period) - period / 2
+    angles = bin_angles(n_rotations, yaw.device)[None]
+    error = torch.remainder(angles - yaw[:, None] + period / 2, period) - period / 2
     weight = torch.exp(-error.square() / (2 * YAW_SIGMA**2))
     return weight / weight.sum(1, keepdim=True)
 
 
+def yaw_label(yaw: Tensor, period: Tensor, n_rotations: int) -> Tensor:
+    """As yaw_target, but 1 in the one bin nearest to the least of the yaws that are right."""
+    least = torch.remainder(yaw, torch.clamp(period, max=math.pi))
+    return F.one_hot(torch.round(least / (2 * math.pi / n_rotations)).long() % n_rotations, n_rotations).float()
+
+
 def soft_cross_entropy(logits: Tensor, target: Tensor) -> Tensor:
     """(B, N) logits and a distribution (B, N) -> (B,)."""
-    return -(target * F.log_softmax(logits, dim=1)).sum(1)
+    return logits.logsumexp(1) * target.sum(1) - (target * logits).sum(1)
 
 
-def _subset(target: Tensor, size: int, generator: torch.Generator) -> Tensor:
-    """Bin indices (B, size): the likeliest bin of each row first, the others drawn without replacement."""
-    noise = torch.rand(target.shape, generator=generator)
-    noise.scatter_(1, target.argmax(1, keepdim=True), 2.0)
-    return noise.topk(min(size, target.shape[1]), dim=1).indices
+def _subset(right: Tensor, noise: Tensor, size: int) -> Tensor:
+    """(A,) bins and (A, k) noise in 0..1 -> (A, size or all k) bins: the right one first, others in random order."""
+    noise = noise.scatter(1, right[:, None], 2.0)
+    return noise.topk(min(size or noise.shape[1], noise.shape[1]), dim=1).indices

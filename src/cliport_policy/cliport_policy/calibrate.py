@@ -1,0 +1,104 @@
+"""`ros2 run cliport_policy calibrate`: make a checkpoint's confidences mean what they say.
+
+Fits the temperatures of pick and place on held-out demonstrations and writes them into the checkpoint's card;
+`min_confidence` of the server then is a probability that the chosen point is the expert's to 3 cm.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from cliport_policy.calibration import Calibration, Judged, TemperatureFit
+from cliport_policy.checkpoint import load_checkpoint, resolve_checkpoint, write_json
+from cliport_policy.data.demonstrations import DemonstrationSet, load_demonstrations
+from cliport_policy.errors import ConfigError, DataError, PolicyError
+from cliport_policy.peaks import CellGrid, Peak
+from cliport_policy.policy import Policy, load_policy
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Entry point; returns the exit status."""
+    args = _parser().parse_args(argv)
+    try:
+        if args.count < 1:
+            raise ConfigError(f"--count is {args.count}: give at least 1")
+        path = resolve_checkpoint(args.checkpoint)
+        data = load_demonstrations(args.data)
+        found = calibrate(load_policy(path), data, args.count)
+        _write(path, found, str(args.data))
+    except PolicyError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 1
+    for name, each in found.items():
+        print(
+            f"{name}: temperature {each.temperature:.2f}, calibration error {each.ece_before:.3f} -> "
+            f"{each.ece_after:.3f} on {each.n} demonstrations"
+        )
+    print(f"written to {path.with_suffix('.json')}")
+    return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="calibrate", description="Fit a checkpoint's confidences to held-out data.")
+    parser.add_argument("--checkpoint", required=True, help="a .safetensors file, a training folder or a name")
+    parser.add_argument("--data", required=True, type=Path, metavar="VAL_DIR", help="data set it was not trained on")
+    parser.add_argument("--count", type=int, default=300, metavar="N", help="demonstrations to look at (default 300)")
+    return parser
+
+
+def calibrate(policy: Policy, data: DemonstrationSet, count: int) -> dict[str, Calibration]:
+    """The temperatures of `pick` and `place` that suit up to so many demonstrations, drawn at random.
+
+    A place is judged where the pick is the expert's. Raises DataError where the data set has another workspace or no
+    action in it.
+    """
+    if data.workspace != policy.workspace:
+        raise DataError(
+            f"{data.folder} has the workspace {data.workspace}, the checkpoint {policy.workspace}: "
+            "calibrate on data of the workspace that it was trained in"
+        )
+    samples = [index for index in data.samples() if not data.demo(index).done]
+    goals = data.goal_frames()
+    fits = {"pick": TemperatureFit(), "place": TemperatureFit()}
+    for number in np.random.default_rng(0).permutation(len(samples))[:count]:
+        frame, demo = data.frames[samples[number].frame], data.demo(samples[number])
+        goal = goals.get(samples[number].frame)
+        scores = policy.score(
+            data.observation(frame), demo.instruction, None if goal is None else data.observation(data.frames[goal])
+        )
+        pick = judge(policy.grid, scores.picks[None, :-1], scores.pick, demo.pick_pixel)
+        fits["pick"].add(pick)
+        if pick.hit:
+            fits["place"].add(judge(policy.grid, scores.places.flatten(1), policy.place_peak(scores), demo.place_pixel))
+    return {name: fit.result() for name, fit in fits.items()}
+
+
+def judge(grid: CellGrid, logits: Tensor, peak: Peak, expert: tuple[int, int]) -> Judged:
+    """An answer, (R, h * w) logits and their peak, against the expert's pixel."""
+    cell = grid.cell_of(expert)
+    right = torch.from_numpy(grid.disc(cell).flatten())
+    return Judged(logits, right, torch.from_numpy(peak.near.flatten()), bool(peak.near[cell]))
+
+
+def _write(path: Path, found: dict[str, Calibration], data: str) -> None:
+    """Into the card beside the weights."""
+    _, card = load_checkpoint(path)
+    errors = {name: {"ece": each.ece_after, "ece_before": each.ece_before, "n": each.n} for name, each in found.items()}
+    card = replace(
+        card,
+        temperatures={name: each.temperature for name, each in found.items()},
+        scores={**card.scores, "calibration": {"data": data, **errors}},
+    )
+    write_json(path.with_suffix(".json"), card.to_dict())
+
+
+if __name__ == "__main__":
+    sys.exit(main())

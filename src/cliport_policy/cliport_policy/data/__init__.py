@@ -1,0 +1,1 @@
+"""Demonstrations as training reads them: on disk, mixed, reworded, augmented, in batches."""

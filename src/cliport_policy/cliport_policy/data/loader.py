@@ -1,0 +1,70 @@
+"""Batches made ahead in background threads: shuffled, the same at every run, and cut up for several processes."""
+
+from __future__ import annotations
+
+import os
+from collections import deque
+from collections.abc import Generator
+from concurrent.futures import Future, ThreadPoolExecutor
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cliport_policy.config import TrainConfig
+from cliport_policy.data.batches import Batch, Phrasebook, collate, make_sample
+from cliport_policy.data.mixture import Mixture
+
+THREADS = min(8, os.cpu_count() or 1)
+
+
+class StepBatches(NamedTuple):
+    """What one process handles in one step. samples, actions: how many the step has in all processes together."""
+
+    parts: list[Batch]
+    samples: int
+    actions: int
+
+
+class Loader:
+    """Endless steps of a mixture. Step i is the same whenever and by whomever it is drawn, so training can resume."""
+
+    def __init__(
+        self, mixture: Mixture, phrasebook: Phrasebook, config: TrainConfig, rank: int = 0, world_size: int = 1
+    ) -> None:
+        """rank, world_size: which of how many equal shares of each step to make."""
+        self._mixture, self._phrasebook, self._config = mixture, phrasebook, config
+        self._rank, self._world_size = rank, world_size
+
+    def steps(self, first: int, threads: int = THREADS) -> Generator[StepBatches]:
+        """Steps from `first` on, one a thread made ahead. Raises DataError where an observation can't be read."""
+        with ThreadPoolExecutor(threads, "loader") as pool:
+            ahead: deque[Future[StepBatches]] = deque(pool.submit(self.step, first + i) for i in range(threads))
+            number = first + threads
+            try:
+                while True:
+                    made = ahead.popleft()
+                    ahead.append(pool.submit(self.step, number))
+                    number += 1
+                    yield made.result()
+            finally:
+                for future in ahead:
+                    future.cancel()
+
+    def step(self, number: int) -> StepBatches:
+        """This process's share of a step, in as many parts as gradients are accumulated over."""
+        config = self._config
+        chosen = self._mixture.draw(config.batch_size, np.random.default_rng((config.seed, number)))
+        parts = np.array_split(np.arange(config.batch_size), self._world_size * config.accumulate)
+        mine = parts[self._rank * config.accumulate : (self._rank + 1) * config.accumulate]
+        actions = sum(not self._mixture[int(i)].demo.done for i in chosen)
+        return StepBatches(
+            [self._batch(chosen, number, part) for part in mine if len(part)], config.batch_size, actions
+        )
+
+    def _batch(self, chosen: NDArray[np.intp], number: int, part: NDArray[np.intp]) -> Batch:
+        samples = []
+        for position in part:
+            rng = np.random.default_rng((self._config.seed, number, int(position)))
+            samples.append(make_sample(self._mixture[int(chosen[position])], self._phrasebook, self._config, rng))
+        return collate(samples)

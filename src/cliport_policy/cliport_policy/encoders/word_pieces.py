@@ -1,0 +1,45 @@
+"""Sentences to BERT's token numbers, by the tokenizer's own file."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
+
+from cliport_policy.errors import EncoderError
+
+
+class Tokens(NamedTuple):
+    """Of a batch of sentences, padded to the longest: numbers (B, T), mask (B, T) True where a token stands."""
+
+    numbers: Tensor
+    mask: Tensor
+
+
+class WordPieces:
+    """BERT's lower-case word pieces between [CLS] and [SEP]; what is beyond max_tokens is cut."""
+
+    def __init__(self, folder: Path, max_tokens: int) -> None:
+        """From tokenizer.json or vocab.txt. Raises EncoderError where the folder holds neither."""
+        from tokenizers import BertWordPieceTokenizer, Tokenizer
+
+        file, vocabulary = folder / "tokenizer.json", folder / "vocab.txt"
+        try:
+            if file.is_file() or not vocabulary.is_file():
+                self._tokenizer = Tokenizer.from_file(str(file))
+            else:
+                self._tokenizer = BertWordPieceTokenizer(str(vocabulary), lowercase=True)
+            self._tokenizer.enable_truncation(max_tokens)
+            self._tokenizer.enable_padding()  # BERT's padding: number 0
+        except Exception as error:  # the tokenizers package raises no narrower one
+            reason = " ".join(str(error).split())[:120]
+            raise EncoderError(f"{folder} holds no tokenizer ({reason}): give it tokenizer.json or vocab.txt") from None
+
+    def __call__(self, sentences: Sequence[str]) -> Tokens:
+        found = self._tokenizer.encode_batch(list(sentences))
+        return Tokens(
+            torch.tensor([one.ids for one in found]), torch.tensor([one.attention_mask for one in found]).bool()
+        )

@@ -1,0 +1,65 @@
+"""The best cell of a map of scores, as a pixel, and the disc around it that its confidence is summed over."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cliport_perception.workspace import WorkspaceSpec
+
+CONFIDENCE_RADIUS = 0.03  # m
+
+
+class Peak(NamedTuple):
+    """pixel: (row, col) of the full grid; near: (h, w) bool, the cells within 3 cm."""
+
+    pixel: tuple[int, int]
+    near: NDArray[np.bool_]
+
+    def confidence(self, mass: NDArray[np.float32]) -> float:
+        """The share of a distribution over cells, (h, w), that lies in the disc, in [0, 1]."""
+        return min(float(mass[self.near].sum()), 1.0)
+
+
+@dataclass(frozen=True)
+class CellGrid:
+    """The workspace's pixels in cells of cell_size x cell_size."""
+
+    workspace: WorkspaceSpec
+    cell_size: int
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        rows, cols = self.workspace.shape
+        return rows // self.cell_size, cols // self.cell_size
+
+    def cell_of(self, pixel: tuple[int, int]) -> tuple[int, int]:
+        """The cell (row, col) that holds a pixel."""
+        return pixel[0] // self.cell_size, pixel[1] // self.cell_size
+
+    def peak(self, mass: NDArray[np.float32]) -> Peak:
+        """Of a distribution over cells (h, w); the mean of its neighbourhood where cells are coarser than pixels."""
+        row, col = (int(i) for i in np.unravel_index(mass.argmax(), mass.shape))
+        cell = self.cell_size
+        reach = 1 if cell > 1 else 0
+        rows = np.arange(max(row - reach, 0), min(row + reach + 1, mass.shape[0]))
+        cols = np.arange(max(col - reach, 0), min(col + reach + 1, mass.shape[1]))
+        around = mass[np.ix_(rows, cols)]
+        total = float(around.sum())
+        mean_row = float((around.sum(1) * rows).sum()) / total
+        mean_col = float((around.sum(0) * cols).sum()) / total
+        pixel = (
+            min(max(round(cell * mean_row + (cell - 1) / 2), 0), self.workspace.rows - 1),
+            min(max(round(cell * mean_col + (cell - 1) / 2), 0), self.workspace.cols - 1),
+        )
+        return Peak(pixel, self.disc((row, col)))
+
+    def disc(self, cell: tuple[int, int]) -> NDArray[np.bool_]:
+        """(h, w), the cells within 3 cm of one."""
+        radius = CONFIDENCE_RADIUS / (self.cell_size * self.workspace.pixel_size)
+        rows, cols = np.ogrid[: self.shape[0], : self.shape[1]]
+        disc: NDArray[np.bool_] = (rows - cell[0]) ** 2 + (cols - cell[1]) ** 2 <= radius**2
+        return disc

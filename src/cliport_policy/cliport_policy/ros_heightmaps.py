@@ -1,0 +1,51 @@
+"""Heightmaps from ROS: the next one of a running graph, and those of a bag."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import rclpy
+from rclpy.serialization import deserialize_message
+from rclpy.utilities import try_shutdown
+
+from cliport_interfaces.msg import Heightmap as HeightmapMsg
+from cliport_perception.conversions import heightmap_from_msg
+from cliport_perception.heightmap import Heightmap
+from cliport_policy.errors import DataError, ObservationError
+
+TOPIC = "/cliport/heightmap"
+
+
+def live_heightmap(timeout_s: float) -> Heightmap:
+    """The next one on /cliport/heightmap. Raises ObservationError where none comes in time."""
+    received: list[HeightmapMsg] = []
+    rclpy.init(args=[])
+    try:
+        node = rclpy.create_node("cliport_explain")
+        node.create_subscription(HeightmapMsg, TOPIC, received.append, 1)
+        deadline = time.monotonic() + timeout_s
+        while not received and time.monotonic() < deadline:
+            rclpy.spin_once(node, timeout_sec=0.1)
+        node.destroy_node()
+    finally:
+        try_shutdown()
+    if not received:
+        raise ObservationError(f"no heightmap on {TOPIC} for {timeout_s:g} s: is the graph running?")
+    return heightmap_from_msg(received[0])
+
+
+def bag_heightmaps(folder: Path, number: int) -> tuple[Heightmap, Heightmap]:
+    """The number-th heightmap of a bag, and its last. Raises DataError where the bag has no such one."""
+    from rosbags.rosbag2 import Reader
+
+    try:
+        with Reader(folder) as bag:
+            connections = [c for c in bag.connections if c.topic == TOPIC]
+            raw = [data for _, _, data in bag.messages(connections)] if connections else []
+    except Exception as error:  # whatever rosbags says of a folder that is no bag
+        raise DataError(f"{folder} can't be read as a bag ({' '.join(str(error).split())[:120]})") from None
+    if not 0 <= number < len(raw):
+        raise DataError(f"{folder} holds {len(raw)} heightmaps on {TOPIC}, numbered from 0: there is none {number}")
+    chosen, last = (heightmap_from_msg(deserialize_message(bytes(raw[i]), HeightmapMsg)) for i in (number, -1))
+    return chosen, last

@@ -1,0 +1,85 @@
+"""What a training shows: one line of progress, and TensorBoard's curves and affordance pictures."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import TextIO
+
+import numpy as np
+from numpy.typing import NDArray
+from torch.utils.tensorboard import SummaryWriter
+
+from cliport_policy.data.mixture import Drawn
+from cliport_policy.errors import TrainingError
+from cliport_policy.overlays import render_overlay
+from cliport_policy.policy import Policy
+from cliport_policy.training.trainer import Progress
+
+_SMOOTHING = 0.98
+_BAR = 24  # characters
+_LINE_STEPS = 50  # between lines where the output is no terminal
+_REFRESH = 0.5  # s, on a terminal
+_SCALAR_STEPS = 10
+
+
+class ProgressLine:
+    """A bar with losses, pace and time left: one line that changes on a terminal, a line now and then elsewhere."""
+
+    def __init__(self, out: TextIO) -> None:
+        self._out, self._shown, self._means = out, 0.0, dict[str, float]()
+
+    def __call__(self, progress: Progress) -> None:
+        for name, value in progress.losses.items():
+            self._means[name] = _SMOOTHING * self._means.get(name, value) + (1 - _SMOOTHING) * value
+        last = progress.step == progress.steps
+        if self._out.isatty():
+            if last or time.monotonic() - self._shown > _REFRESH:
+                self._shown = time.monotonic()
+                print(f"\r{self.line(progress)}\x1b[K", end="\n" if last else "", file=self._out, flush=True)
+        elif last or progress.step % _LINE_STEPS == 0:
+            print(self.line(progress), file=self._out, flush=True)
+
+    def line(self, progress: Progress) -> str:
+        """`[####----] 500/6000  locator 2.31  ...  31 samples/s  24 min left`"""
+        filled = _BAR * progress.step // progress.steps
+        losses = "  ".join(f"{name} {value:.3f}" for name, value in self._means.items())
+        return (
+            f"[{'#' * filled}{'-' * (_BAR - filled)}] {progress.step}/{progress.steps}  {losses}  "
+            f"{progress.samples_per_s:.1f} samples/s  {progress.minutes_left:.0f} min left"
+        )
+
+
+class EventLog:
+    """TensorBoard's event files in a folder; steps at or after first_step that were logged before count no more."""
+
+    def __init__(self, folder: Path, first_step: int) -> None:
+        try:
+            self._writer = SummaryWriter(str(folder), purge_step=first_step)
+        except OSError as error:
+            raise TrainingError(f"can't write to {folder} ({error}): give another --out") from error
+
+    def __call__(self, progress: Progress) -> None:
+        if progress.step % _SCALAR_STEPS and progress.step != progress.steps:
+            return
+        for name, value in progress.losses.items():
+            self._writer.add_scalar(f"loss/{name}", value, progress.step)
+        self._writer.add_scalar("learning_rate", progress.learning_rate, progress.step)
+        self._writer.add_scalar("samples_per_s", progress.samples_per_s, progress.step)
+
+    def picture(self, name: str, picture: NDArray[np.uint8], step: int) -> None:
+        """(H, W, 3) RGB."""
+        self._writer.add_image(name, picture, step, dataformats="HWC")
+        self._writer.flush()
+
+    def close(self) -> None:
+        self._writer.close()
+
+
+def affordance_picture(policy: Policy, drawn: Drawn) -> NDArray[np.uint8]:
+    """Where a policy would pick, and below it where it would place, in a demonstration: (H, W, 3) RGB."""
+    observation = drawn.data.observation(drawn.frame)
+    goal = drawn.data.observation(drawn.goal) if drawn.goal else None
+    action = policy.infer(observation, drawn.demo.instruction, with_maps=True, goal=goal)
+    maps = {"pick": action.maps.pick, "place": action.maps.place} if action.maps else {}
+    return np.concatenate([render_overlay(observation, maps.get(kind), action, kind) for kind in ("pick", "place")])

@@ -1,0 +1,128 @@
+"""The command line of `train`, as checked values."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from cliport_policy.config import RECIPES, TrainConfig
+from cliport_policy.data.demonstrations import CACHE_BYTES
+from cliport_policy.errors import ConfigError
+from cliport_policy.named_configs import AnyNetworkConfig, config_names, load_network_config
+from cliport_policy.settings import check_keys
+from cliport_policy.training.distributed import DEVICES
+
+_TRAIN = "train."
+
+
+@dataclass(frozen=True)
+class TrainOptions:
+    """What a training is asked to do. data: folders with their weights; n_demos: episodes a task of each."""
+
+    network: AnyNetworkConfig
+    train: TrainConfig
+    data: tuple[tuple[Path, float], ...]
+    n_demos: int | None
+    val: Path | None
+    out: Path
+    device: str
+    save_minutes: float
+    max_minutes: float
+    keep_steps: frozenset[int]
+    cache_bytes: int
+
+
+def parse_options(argv: Sequence[str] | None) -> TrainOptions:
+    """Raises ConfigError, in one line with the nearest valid name, for a setting that can't be."""
+    args = _parser().parse_args(argv)
+    changes = dict(_setting(text) for text in args.set)
+    network = {name: value for name, value in changes.items() if not name.startswith(_TRAIN)}
+    return TrainOptions(
+        network=load_network_config(args.config, network),
+        train=_train_config(args, {n.removeprefix(_TRAIN): v for n, v in changes.items() if n not in network}),
+        data=tuple(_weighted(text) for text in args.data),
+        n_demos=_at_least("--n-demos", args.n_demos, 1),
+        val=None if args.val is None else Path(args.val),
+        out=Path(args.out),
+        device=args.device,
+        save_minutes=args.save_minutes,
+        max_minutes=args.minutes,
+        keep_steps=_steps(args.keep_steps),
+        cache_bytes=int(args.cache_gb * 2**30),
+    )
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="train", description="Train a policy on demonstrations; run again with the same --out, it resumes."
+    )
+    add = parser.add_argument
+    add("--config", default="compact", help=f"network: one of {', '.join(config_names())}, or a YAML file")
+    add(
+        "--set",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        help="a setting: pick.language=film, train.jitter=false",
+    )
+    add("--data", action="append", required=True, metavar="DIR[:WEIGHT]", help="data set; several are mixed by weight")
+    add("--n-demos", type=int, metavar="N", help="only the first N episodes of each task of each data set")
+    add("--val", metavar="DIR", help="held-out data set to measure agreement on and to picture")
+    add("--out", required=True, metavar="DIR", help="training folder")
+    add("--optimizer", choices=sorted(RECIPES), default="ours", help="recipe; what follows changes single values of it")
+    add("--steps", type=int)
+    add("--batch", type=int, dest="batch_size", help="samples of a step, in all processes together")
+    add("--accumulate", type=int, help="parts that a process handles its share of a step in, to save memory")
+    add("--learning-rate", type=float)
+    add("--phrases", type=int, dest="phrases_per_goal", help="wordings a canonical sentence is trained with")
+    add("--seed", type=int)
+    add("--device", choices=DEVICES, default="auto")
+    add("--save-minutes", type=float, default=3.0, help="between saves")
+    add("--minutes", type=float, default=math.inf, help="stop (and save) after so long")
+    add("--keep-steps", default="", metavar="N,N,...", help="steps whose policies are kept in OUT/checkpoints")
+    add("--cache-gb", type=float, default=CACHE_BYTES / 2**30, help="memory for encoded observations")
+    return parser
+
+
+def _train_config(args: argparse.Namespace, changes: dict[str, Any]) -> TrainConfig:
+    names = [field.name for field in fields(TrainConfig)]
+    check_keys(changes, names, "training")
+    given = {name: getattr(args, name) for name in names if getattr(args, name, None) is not None}
+    return replace(RECIPES[args.optimizer], **given, **{k: v for k, v in changes.items() if k not in given})
+
+
+def _setting(text: str) -> tuple[str, Any]:
+    name, equals, value = text.partition("=")
+    if not equals or not name:
+        raise ConfigError(f"--set {text}: write KEY=VALUE, as in pick.language=film")
+    try:
+        return name, yaml.safe_load(value)
+    except yaml.YAMLError:
+        raise ConfigError(f"--set {text}: the value is no YAML") from None
+
+
+def _weighted(text: str) -> tuple[Path, float]:
+    folder, colon, weight = text.rpartition(":")
+    try:
+        return (Path(folder), float(weight)) if colon else (Path(text), 1.0)
+    except ValueError:
+        return Path(text), 1.0
+
+
+def _steps(text: str) -> frozenset[int]:
+    try:
+        return frozenset(int(part) for part in text.split(",") if part.strip())
+    except ValueError:
+        raise ConfigError(f"--keep-steps {text}: write whole numbers with commas, as in 1000,2000") from None
+
+
+def _at_least(option: str, value: int | None, least: int) -> int | None:
+    if value is not None and value < least:
+        raise ConfigError(f"{option} must be {least} or more, not {value}")
+    return value

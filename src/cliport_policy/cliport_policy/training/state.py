@@ -1,0 +1,81 @@
+"""All that resuming a training needs, in one file of tensors: no pickle."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import torch
+from safetensors.torch import load_file, save_file
+from torch import Tensor, nn
+
+from cliport_policy.checkpoint import whole_file, write_json
+from cliport_policy.errors import DataError
+
+_NAME = "training_state.safetensors"
+_CONFIG_NAME = "training_config.json"
+
+
+def save_state(
+    folder: Path, parts: Mapping[str, nn.Module], optimizer: torch.optim.Optimizer, step: int, identity: dict[str, Any]
+) -> None:
+    """Write modules, optimiser and step; what was there stays where that fails, with a CheckpointError.
+
+    identity: the settings, which a training that resumes must share.
+    """
+    state = {f"{part}.{name}": value for part, module in parts.items() for name, value in module.state_dict().items()}
+    for index, slot in optimizer.state_dict()["state"].items():
+        state |= {f"optimizer.{index}.{name}": torch.as_tensor(value) for name, value in slot.items()}
+    state["step"] = torch.tensor(step)
+    write_json(folder / _CONFIG_NAME, identity)
+    with whole_file(folder / _NAME) as temporary:
+        save_file({name: value.detach().cpu().contiguous() for name, value in state.items()}, temporary)
+
+
+def resume_state(
+    folder: Path, parts: Mapping[str, nn.Module], optimizer: torch.optim.Optimizer, identity: dict[str, Any]
+) -> int:
+    """Put modules and optimiser where the folder's training stopped; the step, 0 where nothing was begun.
+
+    Raises DataError where the folder is of other settings (but for the number of steps) or damaged.
+    """
+    if not (folder / _NAME).is_file():
+        return 0
+    try:
+        _check_settings(json.loads((folder / _CONFIG_NAME).read_text()), identity)
+        state = load_file(folder / _NAME)
+        for part, module in parts.items():
+            module.load_state_dict(_part(state, f"{part}."))
+        slots: dict[int, dict[str, Tensor]] = {}
+        for name, value in _part(state, "optimizer.").items():
+            index, key = name.split(".", 1)
+            slots.setdefault(int(index), {})[key] = value
+        optimizer.load_state_dict({"state": slots, "param_groups": optimizer.state_dict()["param_groups"]})
+        return int(state["step"])
+    except Exception as error:
+        raise DataError(
+            f"{folder} can't be resumed with these settings ({' '.join(str(error).split())[:160]}): "
+            "give another --out or the settings it was begun with"
+        ) from error
+
+
+def _check_settings(begun: dict[str, Any], given: dict[str, Any]) -> None:
+    was, now = _flat(begun), _flat(json.loads(json.dumps(given)))
+    for name in sorted(was.keys() | now.keys()):
+        if name != "train.steps" and was.get(name) != now.get(name):
+            raise ValueError(f"{name} was {was.get(name)!r}, not {now.get(name)!r}")
+
+
+def _flat(values: Any, name: str = "") -> dict[str, Any]:
+    if not isinstance(values, dict):
+        return {name: values}
+    found: dict[str, Any] = {}
+    for key, value in values.items():
+        found |= _flat(value, f"{name}.{key}" if name else str(key))
+    return found
+
+
+def _part(state: dict[str, Tensor], prefix: str) -> dict[str, Tensor]:
+    return {name[len(prefix) :]: value for name, value in state.items() if name.startswith(prefix)}
