@@ -132,12 +132,18 @@ def make_data(task: str, episodes: int, out: Path, processes: int, say: Callable
 
 
 def _train(experiment: Experiment, folder: Path, data: Path, say: Callable[[str], None]) -> None:
-    if all(_checkpoint(folder.parent, step).exists() for step in experiment.keep_steps):
+    if not _missing(experiment, folder):
         return
     options = ["--config", experiment.config, "--data", str(data), "--n-demos", str(experiment.n_demos)]
     options += ["--steps", str(experiment.steps), "--keep-steps", ",".join(map(str, sorted(experiment.keep_steps)))]
     options += [part for text in experiment.settings for part in ("--set", text)]
     _run("cliport_policy.train", [*options, *experiment.train_options], folder, say)
+    if missing := _missing(experiment, folder):
+        raise BenchmarkError(f"training stopped before step {missing[0]}; run this again to go on")
+
+
+def _missing(experiment: Experiment, folder: Path) -> list[int]:
+    return [step for step in sorted(experiment.keep_steps) if not _checkpoint(folder.parent, step).exists()]
 
 
 def _score(
