@@ -118,6 +118,33 @@ def test_the_expert_picks_across_what_is_narrow_and_turns_the_least(world: SimWo
     assert task.judge(PlanarPose(0.6, 0.3, 0.0), action.place).picked == ""
 
 
+def test_what_was_tried_in_vain_waits_for_something_else(world: SimWorld) -> None:
+    class BothAtOnce(TwoBlocks):
+        def set_up(self, world: SimWorld, rng: np.random.Generator) -> Sequence[Goal]:
+            a, b = super().set_up(world, rng)
+            return [
+                Goal("both", a.objects + b.objects, a.targets + b.targets, np.eye(2, dtype=bool), PoseMetric(), 1.0)
+            ]
+
+    task = BothAtOnce("both-at-once", Split.VAL)
+    task.reset(world, np.random.default_rng(0))
+
+    def next_pick() -> float:
+        action = task.expert_action()
+        assert action is not None
+        task.advance()
+        return action.pick.y
+
+    first, second = next_pick(), next_pick()
+    assert first == pytest.approx(-second)
+    assert (next_pick(), next_pick()) == pytest.approx((first, second))  # in turn, while nothing moves
+    next_pick()
+    task.expert_action()
+    world.move_object(task.objects[0], PlanarPose(0.4, -0.1, 0.2).as_pose(HALF))
+    task.advance()
+    assert task.tries_in_vain(task.objects[0]) == task.tries_in_vain(task.objects[1]) == 0
+
+
 def test_the_expert_keeps_the_fingers_out_of_neighbours(world: SimWorld) -> None:
     task = two_blocks(world)
     for dx in (-0.05, 0.05):  # walls beside the target, 1 cm from the block: jaws must close along y

@@ -87,7 +87,18 @@ def test_an_end_beside_the_rope_is_worth_more_than_a_bead_almost_right() -> None
     slots = np.column_stack([np.full(ROPE_BEADS, 0.5), np.arange(ROPE_BEADS) * BEAD_SPACING])
     beads = slots + np.array([0.012, 0.0])
     beads[:5] = beads[10:5:-1] + np.array([0.016, 0.0])  # folded back at bead 5; the fingers would meet the rest there
-    action = next_fold(beads, slots, "")
-    assert action is not None
+    chosen, action = next_fold(beads, slots, "")
+    assert action is not None and chosen == 0
     np.testing.assert_allclose((action.pick.x, action.pick.y), beads[0])
     np.testing.assert_allclose((action.place.x, action.place.y), slots[0])
+
+
+def test_a_bead_that_was_tried_in_vain_waits_for_another(world: SimWorld) -> None:
+    task = scene(world, 1)
+    picked = []
+    for _ in range(3):  # nothing is done about them
+        action = task.expert_action()
+        assert action is not None
+        picked.append((action.pick.x, action.pick.y))
+        task.advance()
+    assert len(set(picked)) == 3

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 
 from cliport_perception import PlanarPose
 from sim_bridge.errors import SimulationError
@@ -24,6 +25,9 @@ if TYPE_CHECKING:
     from sim_bridge.world import SimWorld
 
 _FINGERTIP = 0.004  # the tips are at least this far above what a thing lies on [m]
+_UNMOVED = 0.003  # what moves less was not carried [m]
+
+FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -62,6 +66,8 @@ class GoalTask(Task):
         self._world: SimWorld | None = None
         self._goals: tuple[Goal, ...] = ()
         self._reached = 0
+        self._proposed: tuple[SceneObject, FloatArray] | None = None  # to be moved, and where everything was then
+        self._in_vain: list[SceneObject] = []  # were to be moved since anything moved
 
     @abstractmethod
     def set_up(self, world: SimWorld, rng: np.random.Generator) -> Sequence[Goal]:
@@ -75,6 +81,7 @@ class GoalTask(Task):
         """See Task."""
         self._world = world
         self._goals, self._reached = tuple(self.set_up(world, rng)), 0
+        self._proposed, self._in_vain = None, []
 
     @property
     def world(self) -> SimWorld:
@@ -120,10 +127,16 @@ class GoalTask(Task):
         return float(progress + (goal.max_reward * goal.value(self.world) if goal else 0.0))
 
     def advance(self) -> None:
-        """A goal that was reached once is never looked at again."""
+        """A goal that was reached once is never looked at again; what could not be moved now waits for other things."""
         goal = self.present_goal
         if goal is not None and goal.reached(self.world):
             self._reached += 1
+        if self._proposed is not None:
+            thing, before = self._proposed
+            now = self._positions()
+            still = now.shape == before.shape and bool(np.abs(now - before).max() < _UNMOVED)
+            self._in_vain = [*self._in_vain, thing] if still else []
+            self._proposed = None
 
     def expert_action(self) -> ExpertAction | None:
         """The object farthest from where it belongs first; see also `expert_for`."""
@@ -132,11 +145,23 @@ class GoalTask(Task):
 
     def expert_for(self, goal: Goal) -> ExpertAction | None:
         """What brings a goal of this scene nearer; None when all its objects lie right."""
-        for thing, target in self.moves_to_make(goal):
+        for thing, target in sorted(self.moves_to_make(goal), key=lambda move: self.tries_in_vain(move[0])):
             action = self.move(goal, thing, target)
             if action is not None:
+                self.propose(thing)
                 return action
         return None
+
+    def propose(self, thing: SceneObject) -> None:
+        """An action is about to be done with a thing: `advance` sees whether it was in vain."""
+        self._proposed = (thing, self._positions())
+
+    def tries_in_vain(self, thing: SceneObject) -> int:
+        """How often this thing was to be moved since anything moved."""
+        return self._in_vain.count(thing)
+
+    def _positions(self) -> FloatArray:
+        return np.array([self.world.object_pose(thing).translation for thing in self.objects])
 
     def moves_to_make(self, goal: Goal) -> list[tuple[SceneObject, PlanarPose]]:
         """Objects that are to be moved and their nearest free target, the farthest first."""

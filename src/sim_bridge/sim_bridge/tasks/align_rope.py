@@ -89,7 +89,11 @@ class AlignRope(GoalTask):
         world = self.world
         beads = np.array([world.object_xy(bead) for bead in goal.objects])
         slots = np.array([target.translation[:2] for target in goal.targets])
-        return next_fold(beads, slots, goal.sentence)
+        in_vain = np.array([self.tries_in_vain(bead) for bead in goal.objects])
+        chosen, action = next_fold(beads, slots, goal.sentence, in_vain)
+        if action is not None:
+            self.propose(goal.objects[chosen])
+        return action
 
 
 class ManipulatingRope(AlignRope):

@@ -11,6 +11,7 @@ from cliport_perception import PlanarPose, Primitive
 from sim_bridge.task_mechanics.base import ExpertAction
 
 FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
 
 _IN_PLACE = 0.01  # a bead nearer to its slot stays where it is [m]
 _OPENING = 0.03  # between the opened fingers [m]
@@ -21,29 +22,34 @@ _PER_MET = 0.03  # that a bead must be farther away to be worth another under th
 _TILTS = tuple(math.radians(a) for a in (0, 15, -15, 30, -30, 45, -45))  # of the jaws against straight across
 
 
-def next_fold(beads: FloatArray, slots: FloatArray, sentence: str) -> ExpertAction | None:
-    """A bead far from its slot to that slot; beads and slots (20, 2) [m] in their order along the rope.
+def next_fold(
+    beads: FloatArray, slots: FloatArray, sentence: str, in_vain: IntArray | None = None
+) -> tuple[int, ExpertAction | None]:
+    """Which bead, far from its slot, to take to that slot, and how; beads and slots (20, 2) [m] in their order along
+    the rope.
 
     Slots count from the end that fits better. The jaws close across the rope, where the opened fingers meet few
-    other beads. None when every bead lies right.
+    other beads. in_vain: how often each bead (20,) was tried for nothing; one that was tried less is better.
+    No action when every bead lies right.
     """
     slots = min((slots, slots[::-1]), key=lambda s: float(np.linalg.norm(beads - s, axis=1).sum()))
     distance = np.linalg.norm(beads - slots, axis=1)
     along = math.atan2(*(slots[-1] - slots[0])[::-1])
-    ways: list[tuple[float, int, float, float]] = []
+    tries = np.zeros(len(beads), int) if in_vain is None else in_vain
+    ways: list[tuple[tuple[int, float], int, float, float]] = []
     for i in np.flatnonzero(distance >= _IN_PLACE).tolist():
         before, after = beads[max(i - 1, 0)], beads[min(i + 1, len(beads) - 1)]
         tangent = math.atan2(*(after - before)[::-1])
         for tilt in _TILTS:
             met = _met(beads, i, tangent + math.pi / 2 + tilt)
-            ways.append((distance[i] - _PER_MET * met, i, tangent, tilt))
+            ways.append(((-int(tries[i]), distance[i] - _PER_MET * met), i, tangent, tilt))
     if not ways:
-        return None
+        return -1, None
     _, i, tangent, tilt = max(ways, key=lambda way: way[0])
     yaw = math.remainder(tangent + math.pi / 2 + tilt, math.pi)
     turn = math.remainder(along - tangent, math.tau)
     turn = max(-math.pi / 2, min(math.pi / 2, turn))
-    return ExpertAction(
+    return i, ExpertAction(
         PlanarPose(float(beads[i, 0]), float(beads[i, 1]), yaw),
         PlanarPose(float(slots[i, 0]), float(slots[i, 1]), yaw + turn),
         math.pi,
