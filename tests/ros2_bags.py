@@ -32,7 +32,7 @@ from cliport_interfaces.msg import WorkspaceSpec
 
 ROS2 = shutil.which("ros2") or str(Path(__file__).parents[1] / "tools/ros2/bin/ros2")
 MATCHING_TIME = 0.5  # s, for two ends that know of each other to be connected
-TIMEOUT = 20.0  # s, for what takes 1 or 2
+TIMEOUT = 60.0  # s, for what takes 1 or 2 where nothing else runs
 START = 1_700_000_000_000_000_000  # ns, of the written bags
 BEST_EFFORT = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
 LATCHED = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
