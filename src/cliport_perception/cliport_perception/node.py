@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-import sys
 import time
 from functools import partial
 
-import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
-from rclpy.exceptions import ParameterException
-from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from rclpy.utilities import try_shutdown
 from sensor_msgs.msg import CameraInfo, Image, PointCloud2
 from tf2_msgs.msg import TFMessage
 
@@ -24,10 +19,10 @@ from cliport_perception.adaptive_subscription import AdaptiveSubscription
 from cliport_perception.camera_health import CameraHealth, HealthLimits
 from cliport_perception.errors import ImageError, PerceptionError
 from cliport_perception.frame_processor import FrameProcessor
+from cliport_perception.running import run_node
 from cliport_perception.sync import ApproximateSync
 from cliport_perception.throttle import MessageThrottle
 from cliport_perception.transforms import TransformTree
-from cliport_perception.undisturbed import undisturbed
 from cliport_perception.workspace import WorkspaceSpec
 
 COLOR = "/camera/color/image_raw"
@@ -136,15 +131,4 @@ class PerceptionNode(Node):
 
 def main(args: list[str] | None = None) -> int:
     """Entry point; returns the exit status."""
-    try:
-        rclpy.init(args=args)
-        rclpy.spin(PerceptionNode())
-    except (PerceptionError, ParameterException) as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 1
-    except (KeyboardInterrupt, ExternalShutdownException):
-        pass
-    finally:
-        with undisturbed():
-            try_shutdown()
-    return 0
+    return run_node(lambda _: PerceptionNode(), (PerceptionError,), args)

@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
-import sys
 import time
 from collections.abc import Callable
 from dataclasses import fields
 from functools import partial
 from queue import SimpleQueue
 
-import rclpy
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
-from rclpy.exceptions import ParameterException
-from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from rclpy.utilities import try_shutdown
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
@@ -24,7 +19,7 @@ from cliport_interfaces.msg import Heightmap as HeightmapMsg
 from cliport_interfaces.msg import PolicyStatus
 from cliport_perception.conversions import heightmap_from_msg, stamp_from_msg
 from cliport_perception.errors import PerceptionError
-from cliport_perception.undisturbed import undisturbed
+from cliport_perception.running import run_node
 from cliport_policy import conversions
 from cliport_policy.errors import PolicyError
 from cliport_policy.policy import load_policy
@@ -129,19 +124,4 @@ def _answer(act: Callable[[], Answer], _: Trigger.Request, response: Trigger.Res
 
 def main(args: list[str] | None = None) -> int:
     """Entry point; returns the exit status."""
-    node = None
-    try:
-        rclpy.init(args=args)
-        node = PolicyServerNode()
-        rclpy.spin(node)
-    except (PolicyError, PerceptionError, ParameterException) as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 1
-    except (KeyboardInterrupt, ExternalShutdownException):
-        pass
-    finally:
-        with undisturbed():
-            if node:
-                node.close()
-            try_shutdown()
-    return 0
+    return run_node(lambda _: PolicyServerNode(), (PolicyError, PerceptionError), args, PolicyServerNode.close)

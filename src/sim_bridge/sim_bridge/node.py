@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-import signal
 import sys
-import threading
 import time
+from collections.abc import Callable
 from contextlib import suppress
-from typing import Any
 
-import rclpy
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.clock import Clock, ClockType
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
-from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import Empty
 
+from cliport_perception.running import run_node
 from sim_bridge.control.gripper_controller import GripperConfig, GripperController
 from sim_bridge.control.heartbeat import HeartbeatWatchdog
 from sim_bridge.control.joint_trajectory_controller import JointTrajectoryController
@@ -37,7 +33,7 @@ from sim_bridge.world import SimWorld
 class SimNode(Node):  # type: ignore[misc]
     """Joins a simulation loop to its topics, actions and services."""
 
-    def __init__(self, on_failure: Any) -> None:
+    def __init__(self, on_failure: Callable[[BaseException], None]) -> None:
         """Make the world and its first scene. Raises SimBridgeError for parameters that cannot be used."""
         super().__init__("sim_bridge")
         parameters, noise = declare_parameters(self)
@@ -51,7 +47,7 @@ class SimNode(Node):  # type: ignore[misc]
             JointTrajectoryController(),
             GripperController(_gripper_config(parameters)),
             RealTimePacer(world.dt, parameters.real_time_factor),
-            on_failure,
+            lambda error: on_failure(SimBridgeError(f"the simulation failed: {error}")),
         )
         faults = FaultInjection(self, self.loop)
         self._state = StatePublisher(self, self.loop, camera, parameters)
@@ -106,35 +102,7 @@ def _gripper_config(parameters: SimParameters) -> GripperConfig:
 
 def main(args: list[str] | None = None) -> int:
     """Run until SIGINT or SIGTERM; 0 then, 1 when the node cannot start or its simulation fails."""
-    stop = threading.Event()
-    failures: list[BaseException] = []
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: stop.set())
-
-    def fail(error: BaseException) -> None:
-        failures.append(error)
-        stop.set()
-
-    try:
-        rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
-        node = SimNode(fail)
-    except (SimBridgeError, RuntimeError, ValueError) as error:
-        print(f"error: {' '.join(str(error).split())}", file=sys.stderr)
-        rclpy.try_shutdown()
-        return 1
-    executor = SingleThreadedExecutor()  # goals and the simulation have threads of their own
-    executor.add_node(node)
-    spinner = threading.Thread(target=executor.spin, name="ros", daemon=True)
-    spinner.start()
-    stop.wait()
-    node.close()
-    executor.shutdown(timeout_sec=2.0)
-    spinner.join(timeout=2.0)
-    node.destroy_node()
-    rclpy.try_shutdown()
-    for failure in failures:
-        print(f"error: the simulation failed: {failure}", file=sys.stderr)
-    return 1 if failures else 0
+    return run_node(SimNode, (SimBridgeError, RuntimeError, ValueError), args, SimNode.close)
 
 
 if __name__ == "__main__":
