@@ -22,6 +22,7 @@ class NetworkConfig:
     token_dim: width of the frozen text encoder's token embeddings. goal_dim: width of one goal vector.
     transport_channels: features that are correlated. query_cells: side of the query window in cells of 2 pixels.
     crop_pixels: side of the rotator's crop. n_rotations: k of rotator and transport.
+    language, heights: False takes the sentence, or the heights, from the network: ablations.
     """
 
     widths: tuple[int, ...] = (24, 40, 64, 96)
@@ -31,6 +32,8 @@ class NetworkConfig:
     query_cells: int = 31
     crop_pixels: int = 64
     n_rotations: int = 36
+    language: bool = True
+    heights: bool = True
 
     def __post_init__(self) -> None:
         check_types(self, "network")

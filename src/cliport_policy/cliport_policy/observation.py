@@ -47,3 +47,8 @@ def unscaled(images: Tensor) -> Tensor:
     """
     color = (images[:, :3] * _COLOR_SCALE + _COLOR_MEAN * images[:, 4:]) / 255
     return torch.cat((color, images[:, 3:4] * _HEIGHT_SCALE), dim=1)
+
+
+def without_heights(images: Tensor) -> Tensor:
+    """Batches of observation_tensor with every height 0: (B, 5, H, W) -> (B, 5, H, W)."""
+    return torch.cat((images[:, :3], torch.zeros_like(images[:, 3:4]), images[:, 4:]), dim=1)

@@ -16,6 +16,8 @@ NAMES = [
     "cliport",
     "cliport_wo_lang",
     "compact",
+    "compact_wo_height",
+    "compact_wo_lang",
     "image_goal",
     "language_transporter",
     "rn50_bert",
@@ -25,7 +27,7 @@ NAMES = [
 ]
 
 
-def test_the_ten_are_there() -> None:
+def test_the_named_networks_are_there() -> None:
     assert config_names() == NAMES
 
 
@@ -40,7 +42,7 @@ def test_compact_is_the_default_network() -> None:
 
 
 def test_what_the_names_promise() -> None:
-    configs = {name: load_network_config(name) for name in NAMES if name != "compact"}
+    configs = {name: load_network_config(name) for name in NAMES if not name.startswith("compact")}
     reading = {name for name, config in configs.items() if isinstance(config, StreamsConfig) and config.reads_language}
     assert reading == {"clip_only", "cliport", "language_transporter", "rn50_bert", "untrained_sem"}
     goal_driven = {
@@ -122,7 +124,7 @@ def test_rn50_bert_falls_back_on_what_packages_bring(tmp_path: Path, monkeypatch
 
 def test_a_net_is_given_by_another_ones_name() -> None:
     for name in NAMES:
-        if name != "compact":
+        if not name.startswith("compact"):
             config = load_network_config(name, {"rotator": "pick"})
             assert isinstance(config, StreamsConfig) and config.rotator == config.pick
             without = load_network_config(name, {"rotator": "none"})

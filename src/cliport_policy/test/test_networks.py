@@ -1,6 +1,7 @@
 """Geometry and shapes of the networks: what turns, turns the right way; what is batched, does not mix."""
 
 import math
+from dataclasses import replace
 
 import pytest
 import torch
@@ -79,3 +80,31 @@ def test_impossible_settings_are_refused(values: dict[str, object]) -> None:
 def test_unknown_setting_is_named() -> None:
     with pytest.raises(ConfigError, match="depth"):
         NetworkConfig.from_dict({"depth": 3})
+
+
+@pytest.mark.parametrize(
+    ("change", "feels_words", "feels_heights"),
+    [({}, True, True), ({"language": False}, False, True), ({"heights": False}, True, False)],
+    ids=["whole", "without language", "without heights"],
+)
+def test_an_ablation_is_blind_to_what_was_taken_from_it(
+    change: dict[str, bool], feels_words: bool, feels_heights: bool
+) -> None:
+    torch.manual_seed(0)
+    network = CompactNetwork(replace(SMALL, **change)).eval()
+    images, pick = torch.randn(1, 5, 32, 16), torch.tensor([[10.0, 8.0]])
+    flat = images.clone()
+    flat[:, 3] += torch.rand(32, 16)
+
+    def scores(sentence: str, image: torch.Tensor) -> list[torch.Tensor]:
+        with torch.no_grad():
+            goal = network.encode_goal([sentence])
+            yaws, places = network.score_rotations(image, goal, pick)
+            assert yaws is not None
+            return [network.score_picks(image, goal), yaws, places]
+
+    before = scores("put the red block in the green bowl", images)
+    other_words = scores("push the pile of blocks", images)
+    other_heights = scores("put the red block in the green bowl", flat)
+    assert [torch.equal(a, b) for a, b in zip(before, other_words, strict=True)] == [not feels_words] * 3
+    assert [torch.equal(a, b) for a, b in zip(before, other_heights, strict=True)] == [not feels_heights] * 3

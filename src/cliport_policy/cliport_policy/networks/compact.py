@@ -13,7 +13,7 @@ from cliport_policy.networks.locator import Locator
 from cliport_policy.networks.policy_network import Goal, PolicyNetwork
 from cliport_policy.networks.rotator import Rotator
 from cliport_policy.networks.transport import Transport
-from cliport_policy.observation import CHANNELS
+from cliport_policy.observation import CHANNELS, without_heights
 
 
 class CompactNetwork(PolicyNetwork):
@@ -37,15 +37,18 @@ class CompactNetwork(PolicyNetwork):
         return goal
 
     def encode_goal(self, sentences: Sequence[str], images: Tensor | None = None) -> Goal:
-        tokens, mask = shared_encoder().batch(sentences)
+        tokens, mask = shared_encoder().batch(sentences if self.config.language else [""] * len(sentences))
         device = self.locator.null_score.device
         return Goal(self.read_goal(tokens.to(device), mask.to(device)))
 
     def score_picks(self, images: Tensor, goal: Goal) -> Tensor:
-        return self.locator(images, goal.language)
+        return self.locator(self._seen(images), goal.language)
 
     def score_yaws(self, images: Tensor, goal: Goal, pick: Tensor, angles: Tensor) -> Tensor | None:
-        return self.rotator(images, goal.language, pick, angles)
+        return self.rotator(self._seen(images), goal.language, pick, angles)
 
     def score_places(self, images: Tensor, goal: Goal, pick: Tensor, angles: Tensor) -> Tensor:
-        return self.transport(images, goal.language, pick, angles)
+        return self.transport(self._seen(images), goal.language, pick, angles)
+
+    def _seen(self, images: Tensor) -> Tensor:
+        return images if self.config.heights else without_heights(images)
