@@ -19,7 +19,7 @@ from cliport_perception.adaptive_subscription import AdaptiveSubscription
 from cliport_perception.camera_health import CameraHealth, HealthLimits
 from cliport_perception.errors import ImageError, PerceptionError
 from cliport_perception.frame_processor import FrameProcessor
-from cliport_perception.running import run_node
+from cliport_perception.ros_running import run_node
 from cliport_perception.sync import ApproximateSync
 from cliport_perception.throttle import MessageThrottle
 from cliport_perception.transforms import TransformTree

@@ -19,7 +19,7 @@ from cliport_interfaces.msg import Heightmap as HeightmapMsg
 from cliport_interfaces.msg import PolicyStatus
 from cliport_perception.conversions import heightmap_from_msg, stamp_from_msg
 from cliport_perception.errors import PerceptionError
-from cliport_perception.running import run_node
+from cliport_perception.ros_running import run_node
 from cliport_policy import conversions
 from cliport_policy.errors import PolicyError
 from cliport_policy.policy import load_policy

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from cliport_perception.errors import PerceptionError
-from cliport_perception.running import run_node
+from cliport_perception.ros_running import run_node
 from panda_executor.errors import ExecutorError
 from panda_executor.node import ExecutorNode
 

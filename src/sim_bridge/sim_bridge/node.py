@@ -12,7 +12,7 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from std_msgs.msg import Empty
 
-from cliport_perception.running import run_node
+from cliport_perception.ros_running import run_node
 from sim_bridge.control.gripper_controller import GripperConfig, GripperController
 from sim_bridge.control.heartbeat import HeartbeatWatchdog
 from sim_bridge.control.joint_trajectory_controller import JointTrajectoryController

@@ -15,7 +15,7 @@ PREFACE = """
 import os, signal, sys, threading
 from rclpy.node import Node
 from cliport_perception.errors import PerceptionError
-from cliport_perception.running import run_node
+from cliport_perception.ros_running import run_node
 
 def interrupt():
     for _ in range(3):
