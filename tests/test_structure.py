@@ -6,7 +6,10 @@ from pathlib import Path
 import pytest
 
 SOURCE = Path(__file__).resolve().parents[1] / "src"
+_ROOMS_ABOVE = {"cliport_policy", "panda_executor", "sim_bridge", "cliport_benchmark", "demo_tool"}
 FORBIDDEN = {
+    "cliport_episodes": {"torch", "pybullet", "ompl", "pinocchio"} | _ROOMS_ABOVE,
+    "demo_tool": {"torch", "pybullet", "ompl", "pinocchio"} | _ROOMS_ABOVE - {"demo_tool"},
     "cliport_perception": {
         "torch",
         "pybullet",

@@ -1,0 +1,1 @@
+"""Demonstrations as rosbag2 folders: writing, reading, editing."""
