@@ -21,6 +21,7 @@ setup(
         "console_scripts": [
             "calibrate = cliport_policy.calibrate:main",
             "explain = cliport_policy.explain:main",
+            "reliability = cliport_policy.reliability:main",
             "server = cliport_policy.node:main",
             "train = cliport_policy.train:main",
         ]

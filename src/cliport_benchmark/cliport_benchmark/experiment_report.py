@@ -24,6 +24,8 @@ PAPER_METHODS = {
     "wo_skips": "Two-Stream CLIP-Transporter w/o skips",
     "untrained_sem": "Two-Stream Untrained-Sem-Transporter",
     "cliport_wo_lang": "CLIPORT w/o Lang",
+    "compact_wo_lang": "Transporter-only",
+    "compact_wo_height": "CLIP-only",
 }
 
 

@@ -1,0 +1,183 @@
+"""`ros2 run cliport_policy reliability`: how far a checkpoint's own doubts can be trusted, on data it has not seen.
+
+For the done head: how many finished scenes are called finished, and unfinished ones not, at each threshold. For the
+confidences: what is gained by acting only above a threshold, as the server's `min_confidence` does.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections import defaultdict
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cliport_policy.calibration import expected_calibration_error
+from cliport_policy.checkpoint import resolve_checkpoint, write_json
+from cliport_policy.data.demonstrations import DemonstrationSet, Index, load_demonstrations
+from cliport_policy.errors import ConfigError, DataError, PolicyError
+from cliport_policy.policy import Policy, load_policy
+from cliport_policy.reliability_plot import plot_reliability
+
+THRESHOLDS = (0.1, 0.3, 0.5, 0.7, 0.9)
+
+
+@dataclass(frozen=True, eq=False)
+class Reliability:
+    """What was seen, one entry for each observation.
+
+    finished, unfinished: the null action's probability there. confidence: the lesser one of pick and place where
+    something was to be done, as the server takes it; right: whether both lie within 3 cm of the expert's,
+    which is a lower bound: where several objects would do, another one than the expert's counts as wrong.
+    """
+
+    finished: NDArray[np.float64]
+    unfinished: NDArray[np.float64]
+    confidence: NDArray[np.float64]
+    right: NDArray[np.bool_]
+
+    def done_right(self, threshold: float) -> tuple[float, float]:
+        """Shares of finished scenes called finished, and of unfinished ones not; NaN where there are none."""
+        return _share(self.finished > threshold), _share(self.unfinished <= threshold)
+
+    def acted(self, threshold: float) -> tuple[float, float]:
+        """Shares of the observations that are acted on, and of the right ones among these; NaN where there are none."""
+        sure = self.confidence >= threshold
+        return _share(sure), _share(self.right[sure])
+
+    def to_dict(self) -> dict[str, object]:
+        """The shares, with the number of observations behind them."""
+        return {
+            "finished": len(self.finished),
+            "unfinished": len(self.unfinished),
+            "done": {str(t): [_number(share) for share in self.done_right(t)] for t in THRESHOLDS},
+            "acted": {str(t): [_number(share) for share in self.acted(t)] for t in (0.0, *THRESHOLDS)},
+            "calibration_error": expected_calibration_error(self.confidence, self.right),
+        }
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Entry point; returns the exit status."""
+    args = _parser().parse_args(argv)
+    try:
+        if args.count < 1:
+            raise ConfigError(f"--count is {args.count}: give at least 1")
+        data = load_demonstrations(args.data)
+        path = resolve_checkpoint(args.checkpoint)
+        policy = load_policy(path)
+        found = measure(policy, data, args.count, _progress)
+        args.out.parent.mkdir(parents=True, exist_ok=True)
+        write_json(args.out.with_suffix(".json"), {"checkpoint": path.stem, "data": data.meta, **found.to_dict()})
+        plot_reliability(found.finished, found.unfinished, found.confidence, found.right, args.out)
+    except PolicyError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 1
+    except OSError as error:
+        print(f"error: can't write {args.out} ({error.strerror or error}): give another --out", file=sys.stderr)
+        return 1
+    print(table(found))
+    print(f"written: {args.out}, {args.out.with_suffix('.json')}")
+    return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="reliability", description="How far a checkpoint's own doubts can be trusted."
+    )
+    parser.add_argument("--checkpoint", default="default", help="a .safetensors file, a training folder or a name")
+    parser.add_argument("--data", required=True, type=Path, metavar="DIR", help="data set it was not trained on")
+    parser.add_argument("--count", type=int, default=200, metavar="N", help="episodes to look at (default 200)")
+    parser.add_argument("--out", type=Path, default=Path("out/reliability.png"), help="picture; a JSON beside it")
+    return parser
+
+
+def measure(
+    policy: Policy, data: DemonstrationSet, count: int, tell: Callable[[int, int], None] = lambda done, total: None
+) -> Reliability:
+    """Of each of up to `count` episodes the finished scene, where there is one, and one unfinished, drawn at random.
+
+    Raises DataError where the data set has another workspace or nothing unfinished in it.
+    """
+    if data.workspace != policy.workspace:
+        raise DataError(
+            f"{data.folder} has the workspace {data.workspace}, the checkpoint {policy.workspace}: "
+            "give data of the workspace that it was trained in"
+        )
+    finished, unfinished = _draw(data, count)
+    if not unfinished:
+        raise DataError(f"{data.folder} holds no scene in which something is to be done")
+    goals = data.goal_frames()
+    done: dict[bool, list[float]] = {True: [], False: []}
+    confidence, right = [], []
+    for number, index in enumerate([*finished, *unfinished]):
+        frame, demo = data.frames[index.frame], data.demo(index)
+        goal = goals.get(index.frame)
+        action = policy.infer(
+            data.observation(frame),
+            demo.instruction,
+            goal=None if goal is None else data.observation(data.frames[goal]),
+        )
+        done[demo.done].append(action.done_probability)
+        if not demo.done:
+            near = [
+                bool(policy.grid.disc(policy.grid.cell_of(expert))[policy.grid.cell_of(chosen)])
+                for chosen, expert in ((action.pick_pixel, demo.pick_pixel), (action.place_pixel, demo.place_pixel))
+            ]
+            confidence.append(min(action.pick_confidence, action.place_confidence))
+            right.append(all(near))
+        tell(number + 1, len(finished) + len(unfinished))
+    return Reliability(np.array(done[True]), np.array(done[False]), np.array(confidence), np.array(right, bool))
+
+
+def _draw(data: DemonstrationSet, count: int) -> tuple[list[Index], list[Index]]:
+    """Indices of finished and unfinished scenes of the first episodes, one of each kind for every episode."""
+    rng = np.random.default_rng(0)
+    by_episode: dict[tuple[str, int], dict[bool, list[Index]]] = defaultdict(lambda: {True: [], False: []})
+    for index in data.samples():
+        frame = data.frames[index.frame]
+        by_episode[frame.task, frame.episode][data.demo(index).done].append(index)
+    kinds = list(by_episode.values())[:count]
+    finished, unfinished = ([k[done][rng.integers(len(k[done]))] for k in kinds if k[done]] for done in (True, False))
+    return finished, unfinished
+
+
+def table(found: Reliability) -> str:
+    """For a terminal."""
+
+    def row(threshold: float, shares: tuple[float, float]) -> str:
+        return f"{threshold:14.1f} {_percent(shares[0]):>21} {_percent(shares[1]):>26}"
+
+    return "\n".join(
+        [
+            f"{len(found.finished)} finished and {len(found.unfinished)} unfinished scenes",
+            f"{'done threshold':>14} {'finished called so':>21} {'unfinished not called so':>26}",
+            *(row(t, found.done_right(t)) for t in THRESHOLDS),
+            f"{'min_confidence':>14} {'acted on':>21} {'of these right':>26}",
+            *(row(t, found.acted(t)) for t in (0.0, *THRESHOLDS)),
+        ]
+    )
+
+
+def _number(share: float) -> float | None:
+    return None if np.isnan(share) else share
+
+
+def _percent(share: float) -> str:
+    return "none" if np.isnan(share) else f"{100 * share:.1f} %"
+
+
+def _share(flags: NDArray[np.bool_]) -> float:
+    return float(flags.mean()) if len(flags) else float("nan")
+
+
+def _progress(done: int, total: int) -> None:
+    if done % 20 == 0 or done == total:
+        print(f"\r{done}/{total} scenes", end="" if done < total else "\n", file=sys.stderr, flush=True)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

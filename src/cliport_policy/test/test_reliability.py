@@ -1,0 +1,56 @@
+"""How far doubts can be trusted: shares by hand, and the command on a small set."""
+
+import json
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cliport_policy.reliability import Reliability, main, table
+
+pytestmark = pytest.mark.usefixtures("one_thread")
+
+
+def test_shares_by_hand() -> None:
+    found = Reliability(
+        finished=np.array([0.2, 0.6, 0.8, 0.95]),
+        unfinished=np.array([0.05, 0.4]),
+        confidence=np.array([0.2, 0.4, 0.6, 0.8]),
+        right=np.array([False, True, False, True]),
+    )
+    assert found.done_right(0.5) == (0.75, 1.0)
+    assert found.done_right(0.3) == (0.75, 0.5)
+    assert found.acted(0.0) == (1.0, 0.5)
+    assert found.acted(0.5) == (0.5, 0.5)
+    assert found.acted(0.7) == (0.25, 1.0)
+    assert math.isnan(found.acted(0.9)[1])
+    assert found.to_dict()["acted"]["0.9"] == [0.0, None]  # type: ignore[index]
+    assert "none" in table(found).splitlines()[-1]
+
+
+def test_the_command(
+    tiny_checkpoint: Callable[..., Path], make_flat_set: Callable[..., Path], tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    path, data = tiny_checkpoint("compact"), make_flat_set(tmp_path / "data", 3, actions=2, pixel_size=0.0125)
+    out = tmp_path / "new" / "picture.png"
+    arguments = ["--checkpoint", str(path), "--data", str(data), "--out", str(out)]
+    assert main(arguments) == 0
+    written = json.loads(out.with_suffix(".json").read_text())
+    assert written["unfinished"] == 3 and set(written["done"]) == set(map(str, (0.1, 0.3, 0.5, 0.7, 0.9)))
+    assert out.read_bytes().startswith(b"\x89PNG")
+    assert "of these right" in capsys.readouterr().out
+    assert main([*arguments, "--count", "0"]) == 1
+    assert capsys.readouterr().err == "error: --count is 0: give at least 1\n"
+
+
+def test_data_of_another_workspace_are_refused(
+    tiny_checkpoint: Callable[..., Path], make_flat_set: Callable[..., Path], tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    path, data = tiny_checkpoint("compact"), make_flat_set(tmp_path / "data", 1, actions=1, pixel_size=0.025)
+    assert main(["--checkpoint", str(path), "--data", str(data), "--out", str(tmp_path / "p.png")]) == 1
+    assert "give data of the workspace that it was trained in" in capsys.readouterr().err
+    assert not (tmp_path / "p.png").exists()
