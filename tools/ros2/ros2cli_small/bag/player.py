@@ -113,7 +113,8 @@ class Player:
             return response
 
         snake = re.sub(r"(?<=.)(?=[A-Z])", "_", name).lower()
-        self._node.create_service(_service_type(name), f"~/{snake}", answer)
+        service_type = load_type(f"rosbag2_interfaces/srv/{name}", "service")
+        self._node.create_service(service_type, f"~/{snake}", answer)
 
     def _on_key(self, key: str) -> None:
         if key == " ":
@@ -155,11 +156,3 @@ class _ClockTopic:
             self._publisher.publish(Clock(clock=Time(sec=seconds, nanosec=nanoseconds)))
             self._next = max(self._next + self._period, now)
         return max(0.0, self._next - now)
-
-
-def _service_type(name: str) -> Any:
-    """Return the real player's service type; where its package is missing, one that says as much: nothing."""
-    try:
-        return load_type(f"rosbag2_interfaces/srv/{name}", "service")
-    except CommandError:
-        return load_type("std_srvs/srv/Empty", "service")
