@@ -5,12 +5,15 @@ from __future__ import annotations
 import argparse
 import itertools
 import sys
+from collections.abc import Sequence
+from contextlib import nullcontext
 from pathlib import Path
+from typing import Any
 
 from cliport_benchmark.errors import BenchmarkError, OptionError
 from cliport_benchmark.experiment import Experiment, make_data
 from cliport_benchmark.experiment_report import write_report
-from cliport_benchmark.sweep import run_here, run_on_ray
+from cliport_benchmark.sweep import ray_cluster, run_here, run_on_ray
 from cliport_benchmark.task_names import task_names
 from cliport_policy.errors import PolicyError
 from sim_bridge.errors import SimBridgeError
@@ -23,16 +26,11 @@ def main(arguments: list[str] | None = None) -> int:
         if options.processes < 1 or options.jobs < 1:
             raise OptionError(f"--processes {options.processes} and --jobs {options.jobs} must be 1 or more")
         experiments = _experiments(options)
-        most = {e.task: max(x.n_demos for x in experiments if x.task == e.task) for e in experiments}
-        data = {task: make_data(task, n, options.out, options.processes, _say) for task, n in most.items()}
-        jobs = [(experiment, data[experiment.task]) for experiment in experiments]
-        if options.ray:
-            failures = run_on_ray(jobs, options.out, options.ray, options.processes)
-        else:
-            failures = run_here(jobs, options.out, options.jobs, options.processes, _say)
+        with ray_cluster(options.ray) if options.ray else nullcontext() as ray:
+            failures = _run(experiments, options, ray)
         for line in failures:
             print(f"error: {line}", file=sys.stderr)
-        if len(failures) < len(jobs):
+        if len(failures) < len(experiments):
             print("written: " + ", ".join(str(path) for path in write_report(options.out)))
         return 1 if failures else 0
     except (BenchmarkError, SimBridgeError, PolicyError) as error:
@@ -41,6 +39,16 @@ def main(arguments: list[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("error: interrupted; the same command continues where this one stopped", file=sys.stderr)
         return 130
+
+
+def _run(experiments: Sequence[Experiment], options: argparse.Namespace, ray: Any) -> list[str]:
+    """What went wrong, a line each."""
+    most = {e.task: max(x.n_demos for x in experiments if x.task == e.task) for e in experiments}
+    data = {task: make_data(task, n, options.out, options.processes, _say) for task, n in most.items()}
+    jobs = [(experiment, data[experiment.task]) for experiment in experiments]
+    if ray:
+        return run_on_ray(ray, jobs, options.out, options.processes)
+    return run_here(jobs, options.out, options.jobs, options.processes, _say)
 
 
 def _experiments(options: argparse.Namespace) -> list[Experiment]:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from cliport_benchmark.errors import BenchmarkError, OptionError
 from cliport_benchmark.experiment import Experiment, run_experiment
@@ -21,8 +23,9 @@ def run_here(jobs: Sequence[Job], out: Path, at_once: int, processes: int, say: 
     return [line for _, line in failures if line]
 
 
-def run_on_ray(jobs: Sequence[Job], out: Path, address: str, processes: int) -> list[str]:
-    """Run experiments as Ray tasks of so many processors each.
+@contextmanager
+def ray_cluster(address: str) -> Iterator[Any]:
+    """The `ray` module, joined to the cluster at an address, to `auto`'s, or to a `local` one of its own.
 
     Raises:
         OptionError: when Ray is not installed or its cluster can't be reached.
@@ -32,15 +35,21 @@ def run_on_ray(jobs: Sequence[Job], out: Path, address: str, processes: int) -> 
     except ImportError:
         raise OptionError("--ray needs Ray: python -m pip install ray, or leave --ray out") from None
     try:
-        ray.init(address=None if address == "local" else address, log_to_driver=True)
+        ray.init(address=address, log_to_driver=True)
     except (ConnectionError, RuntimeError, ValueError) as error:
         raise OptionError(f"--ray {address}: no cluster there ({' '.join(str(error).split())[:120]})") from error
     try:
-        remote = ray.remote(num_cpus=processes)(partial(_run, out.resolve(), processes))
-        lines: list[str] = ray.get([remote.remote((job, data.resolve())) for job, data in jobs])
-        return [line for line in lines if line]
+        yield ray
     finally:
         ray.shutdown()
+
+
+def run_on_ray(ray: Any, jobs: Sequence[Job], out: Path, processes: int) -> list[str]:
+    """Run experiments as tasks of so many processors each; what went wrong, a line each."""
+    run = ray.remote(num_cpus=processes)(_run)
+    tasks = [run.remote(out.resolve(), processes, (experiment, data.resolve())) for experiment, data in jobs]
+    lines: list[str] = ray.get(tasks)
+    return [line for line in lines if line]
 
 
 def _run(out: Path, processes: int, job: Job, say: Callable[[str], None] = print) -> str:
