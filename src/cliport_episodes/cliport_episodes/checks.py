@@ -1,0 +1,41 @@
+"""Whether an episode is all that it should be: everything in it is read once."""
+
+from __future__ import annotations
+
+from rosbags.rosbag2 import Reader
+
+from cliport_episodes.bags import one_line
+from cliport_episodes.capture_setup import CaptureSetup
+from cliport_episodes.errors import BagError
+from cliport_episodes.reader import Episode
+from cliport_perception.errors import PerceptionError
+
+
+def check_episode(episode: Episode, setup: CaptureSetup) -> list[str]:
+    """What is amiss, each in a line for a person; empty where nothing is. setup: the data set's."""
+    found = list(episode.complaints)
+    if not episode.steps:
+        found.append("it has no step")
+    if not episode.finished:
+        found.append("it was not finished: resume it, or mark and keep it as it is")
+    found += [f"it was recorded with another setup: {words}" for words in episode.setup.differences(setup)]
+    for step in episode.steps:
+        try:
+            observation = step.observation()
+            if observation.heightmap(setup.workspace).valid_fraction == 0.0:
+                found.append(f"step {step.record.step} shows nothing of the workspace")
+        except (BagError, PerceptionError) as error:
+            found.append(str(error))
+    return found + _bag_complaints(episode)
+
+
+def _bag_complaints(episode: Episode) -> list[str]:
+    """What any other reader of rosbag2 would find."""
+    try:
+        with Reader(episode.path) as reader:
+            times = [time for _, time, _ in reader.messages()]
+            if len(times) != reader.message_count:
+                return [f"it holds {len(times)} messages and says {reader.message_count}"]
+            return [] if times == sorted(times) else ["its messages are not in the order of time"]
+    except Exception as error:  # the library does not say what a damaged bag may raise
+        return [f"as a rosbag2 bag it cannot be read: {one_line(error)}"]

@@ -1,0 +1,250 @@
+"""A folder of episodes that share one setup: listing and editing them."""
+
+from __future__ import annotations
+
+import filecmp
+import shutil
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from cliport_episodes.capture_setup import CaptureSetup
+from cliport_episodes.data_set_file import FILE, read_setup, write_setup
+from cliport_episodes.disk import UNFINISHED, copy_folder, disk_errors, move
+from cliport_episodes.edits import Edits
+from cliport_episodes.episode_folder import EPISODES, TRASH, change_edits, locked, step_paths
+from cliport_episodes.errors import DataSetError, EpisodeError, SetupDiffersError
+from cliport_episodes.names import check_instruction, check_name
+from cliport_episodes.reader import Episode, read_episode
+from cliport_episodes.statistics import Statistics, count_statistics
+from cliport_episodes.statistics_picture import draw_statistics
+from cliport_episodes.summary import EpisodeIndex, EpisodeInfo
+
+__all__ = ["DataSet", "draw_statistics"]
+
+
+class DataSet:
+    """A data set on the disk. What is edited is in the episodes' metadata.yaml; raw files are never changed.
+
+    Every method that takes an episode's name raises BadNameError, or EpisodeError where there is none; those that
+    change something raise EpisodeBusyError while it is being recorded, and DiskError.
+    """
+
+    def __init__(self, path: Path, setup: CaptureSetup) -> None:
+        """Use `create`, `open` or `open_or_create`."""
+        self.path, self.setup = path, setup
+        self._index = EpisodeIndex(path / "index.json")
+
+    @classmethod
+    def create(cls, path: Path, setup: CaptureSetup) -> DataSet:
+        """Make a new data set. Raises DataSetError when the folder holds something; BadNameError, DiskError."""
+        check_name("data set", path.name)
+        if path.exists() and (not path.is_dir() or any(path.iterdir())):
+            raise DataSetError(f"'{path}' exists and is not an empty folder: choose another name")
+        write_setup(path, setup)
+        return cls(path, setup)
+
+    @classmethod
+    def open(cls, path: Path) -> DataSet:
+        """Raises DataSetError when there is none."""
+        return cls(path, read_setup(path))
+
+    @classmethod
+    def open_or_create(cls, path: Path, setup: CaptureSetup) -> DataSet:
+        """Go on with a data set, or begin it.
+
+        Raises:
+            SetupDiffersError: when it was recorded with another camera, calibration or workspace.
+            DataSetError, BadNameError, DiskError.
+        """
+        if not (path / FILE).exists():
+            return cls.create(path, setup)
+        found = cls.open(path)
+        if differences := setup.differences(found.setup):
+            raise SetupDiffersError(path.name, differences)
+        return found
+
+    @property
+    def name(self) -> str:
+        """The folder's name."""
+        return self.path.resolve().name
+
+    def episodes(self) -> list[EpisodeInfo]:
+        """All episodes, the oldest first."""
+        return self._index.refresh(self._folders(EPISODES))
+
+    def rebuild_index(self) -> list[EpisodeInfo]:
+        """As `episodes`, with everything read from the bags."""
+        with disk_errors(self.path):
+            self._index.forget()
+        return self.episodes()
+
+    def episode(self, name: str) -> Episode:
+        """An episode, to look through."""
+        return read_episode(self._folder(name))
+
+    def relabel(self, name: str, text: str, step: int | None = None) -> None:
+        """Give one step, or all, another instruction. Raises InstructionError."""
+        instruction = check_instruction(text)
+        numbers = step_paths(self._folder(name))
+        if step is not None and step not in numbers:
+            raise EpisodeError(f"episode '{name}' has no step {step}: it has {_span(numbers)}")
+        labels = {number: instruction for number in numbers if step in (None, number)}
+        self._edit(name, lambda edits: replace(edits, instructions={**edits.instructions, **labels}))
+
+    def mark(self, name: str, success: bool | None) -> None:
+        """Say whether an episode shows what its instructions ask for; None: not judged."""
+        self._edit(name, lambda edits: replace(edits, success=success))
+
+    def trim(self, name: str, first: int | None, last: int | None) -> None:
+        """Let only the steps first..last count, by their numbers as recorded; None: from the beginning, to the end."""
+        numbers = step_paths(self._folder(name))
+        if not any(Edits(first=first, last=last).keeps(number) for number in numbers):
+            raise EpisodeError(f"trimming episode '{name}' so would leave no step: it has {_span(numbers)}")
+        self._edit(name, lambda edits: replace(edits, first=first, last=last))
+
+    def delete(self, name: str) -> None:
+        """Put an episode into the trash."""
+        folder = self._folder(name)
+        with locked(folder), disk_errors(folder):
+            (self.path / TRASH).mkdir(exist_ok=True)
+            move(folder, _free(self.path / TRASH, name))
+
+    def trashed(self) -> list[str]:
+        """The names of the episodes in the trash."""
+        return [folder.name for folder in self._folders(TRASH)]
+
+    def restore(self, name: str) -> None:
+        """Take an episode out of the trash. Raises EpisodeError when the data set has one of that name."""
+        folder = self.path / TRASH / check_name("episode", name)
+        target = self.path / EPISODES / name
+        if not folder.is_dir():
+            raise EpisodeError(f"there is no episode '{name}' in the trash of '{self.name}'")
+        if target.exists():
+            raise EpisodeError(f"data set '{self.name}' has another episode '{name}': delete that first")
+        with disk_errors(target):
+            target.parent.mkdir(exist_ok=True)
+            move(folder, target)
+
+    def empty_trash(self) -> int:
+        """Remove what is in the trash for good; returns how many episodes that were. Raises DiskError."""
+        folders = self._folders(TRASH)
+        with disk_errors(self.path / TRASH):
+            for folder in folders:
+                shutil.rmtree(folder)
+        return len(folders)
+
+    def statistics(self) -> Statistics:
+        """What its steps show and what they do not."""
+        return count_statistics(self.episodes(), self.setup.workspace)
+
+    def merge(self, other: Path) -> list[str]:
+        """Add the episodes of another data set, which stays as it is; returns the names that they have here.
+
+        What is here already, file by file, is not added again; one that only has a name in common gets another.
+
+        Raises:
+            SetupDiffersError: when the other was recorded with another setup.
+            DataSetError: when it is none, or this one; EpisodeBusyError, DiskError.
+        """
+        source = DataSet.open(other)
+        if source.path.resolve() == self.path.resolve():
+            raise DataSetError(f"data set '{self.name}' cannot be merged with itself: name another")
+        if differences := source.setup.differences(self.setup):
+            raise SetupDiffersError(self.name, differences)
+        return [added for folder in source._folders(EPISODES) if (added := self._add(folder))]
+
+    def split(self, parts: Mapping[str, float], seed: int) -> dict[str, DataSet]:
+        """Deal the episodes out to new data sets `<this>_<part>` beside this one, which stays as it is.
+
+        parts: a share of 1 for each, or the number of episodes; seed: of the order in which they are dealt out.
+
+        Raises:
+            DataSetError: when there are too few episodes, or one of the data sets exists; BadNameError, DiskError.
+        """
+        folders = [self._folder(info.name) for info in self.episodes() if info.n_steps]
+        counts = _counts(parts, len(folders))
+        folder_of = self.path.resolve().parent
+        targets = {part: folder_of / check_name("data set", f"{self.name}_{part}") for part in parts}
+        for target in targets.values():
+            if target.exists():
+                raise DataSetError(f"'{target.name}' exists: move it away, or name the parts otherwise")
+        order = iter(np.random.default_rng(seed).permutation(len(folders)))
+        for part, target in targets.items():
+            self._deal([folders[next(order)] for _ in range(counts[part])], target)
+        return {part: DataSet.open(target) for part, target in targets.items()}
+
+    def _deal(self, folders: list[Path], target: Path) -> None:
+        new = target.with_name(f".{target.name}{UNFINISHED}")
+        shutil.rmtree(new, ignore_errors=True)
+        try:
+            write_setup(new, self.setup)
+            made = DataSet(new, self.setup)
+            for folder in sorted(folders):
+                made._add(folder)
+            with disk_errors(target):
+                move(new, target)
+        finally:
+            shutil.rmtree(new, ignore_errors=True)
+
+    def _add(self, folder: Path) -> str | None:
+        """Copy an episode from elsewhere; returns its name here, or None when it is here already."""
+        target = self.path / EPISODES / folder.name
+        if target.is_dir():
+            if _same_files(folder, target):
+                return None
+            target = _free(self.path / EPISODES, folder.name)
+        with locked(folder), disk_errors(target):
+            copy_folder(folder, target)
+        return target.name
+
+    def _edit(self, name: str, change: Callable[[Edits], Edits]) -> None:
+        change_edits(self._folder(name), change, self.setup)
+
+    def _folder(self, name: str) -> Path:
+        folder = self.path / EPISODES / check_name("episode", name)
+        if not folder.is_dir():
+            raise EpisodeError(f"there is no episode '{name}' in data set '{self.name}'")
+        return folder
+
+    def _folders(self, place: str) -> list[Path]:
+        try:
+            found = sorted((self.path / place).iterdir())
+        except FileNotFoundError:
+            return []
+        except OSError as error:
+            raise DataSetError(f"'{self.path / place}' cannot be read: {error.strerror}") from None
+        return [folder for folder in found if folder.is_dir() and not folder.name.startswith(".")]
+
+
+def _free(folder: Path, name: str) -> Path:
+    """A path in a folder that nothing has, with the name or one like it."""
+    names = (name, *(f"{name}-{number}" for number in range(2, 10_000)))
+    return next(path for path in (folder / each for each in names) if not path.exists())
+
+
+def _same_files(one: Path, other: Path) -> bool:
+    mine, theirs = step_paths(one), step_paths(other)
+    return mine.keys() == theirs.keys() and all(filecmp.cmp(mine[n], theirs[n], shallow=False) for n in mine)
+
+
+def _span(numbers: Mapping[int, Path]) -> str:
+    return f"{min(numbers)}..{max(numbers)}" if numbers else "none"
+
+
+def _counts(parts: Mapping[str, float], available: int) -> dict[str, int]:
+    """How many episodes each part gets. Raises DataSetError."""
+    total = sum(parts.values())
+    are_counts = all(float(value).is_integer() for value in parts.values()) and total > 1
+    if not parts or min(parts.values()) <= 0 or (not are_counts and total > 1 + 1e-9):
+        raise DataSetError(f"cannot split into {dict(parts)}: give shares that sum to 1 at most, or whole numbers")
+    if are_counts:
+        counts = {part: int(value) for part, value in parts.items()}
+    else:
+        ends = np.rint(np.cumsum(list(parts.values())) * available).astype(int)
+        counts = dict(zip(parts, (int(n) for n in np.diff(ends, prepend=0))))
+    if sum(counts.values()) > available or min(counts.values()) < 1:
+        raise DataSetError(f"{available} episodes with steps are too few to split into {dict(parts)}")
+    return counts

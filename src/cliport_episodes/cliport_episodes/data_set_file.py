@@ -1,0 +1,43 @@
+"""dataset.yaml: the setup that all episodes of a data set share."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import yaml
+
+from cliport_episodes.capture_setup import CaptureSetup
+from cliport_episodes.disk import disk_errors, replace_text, sync
+from cliport_episodes.errors import DataSetError, SetupError
+
+FILE = "dataset.yaml"
+FORMAT = 1
+
+
+def write_setup(data_set: Path, setup: CaptureSetup) -> None:
+    """Make a folder a data set. Raises DiskError."""
+    text = yaml.safe_dump({"format": FORMAT, **setup.to_dict()}, sort_keys=False)
+    with disk_errors(data_set):
+        data_set.mkdir(parents=True, exist_ok=True)
+        replace_text(data_set / FILE, text)
+        sync(data_set.resolve().parent)
+
+
+def read_setup(data_set: Path) -> CaptureSetup:
+    """The setup of a data set.
+
+    Raises:
+        DataSetError: when the folder is none, or of a later format.
+    """
+    try:
+        values = yaml.safe_load((data_set / FILE).read_text(encoding="utf-8"))
+        if values["format"] != FORMAT:
+            raise DataSetError(
+                f"data set '{data_set}' has format {values['format']}, and {FORMAT} is known here: update this software"
+            )
+        return CaptureSetup.from_dict(values)
+    except (FileNotFoundError, NotADirectoryError):
+        raise DataSetError(f"'{data_set}' is no data set: it has no {FILE}") from None
+    except (OSError, yaml.YAMLError, UnicodeDecodeError, TypeError, KeyError, SetupError) as error:
+        reason = " ".join(str(error).split())
+        raise DataSetError(f"'{data_set / FILE}' does not describe a data set: {reason}") from None

@@ -1,0 +1,85 @@
+"""Writing so that a pulled plug leaves the old or the new, never half of it."""
+
+from __future__ import annotations
+
+import errno
+import os
+import secrets
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from cliport_episodes.errors import DiskError, DiskFullError
+
+UNFINISHED = ".new"  # how names of hidden files and folders end while they are made
+_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+
+
+@contextmanager
+def disk_errors(path: Path) -> Iterator[None]:
+    """Raise what the operating system refuses as a `DiskError` about `path`; `DiskFullError` where space lacks."""
+    try:
+        yield
+    except OSError as error:
+        reason = os.strerror(error.errno) if error.errno else str(error)
+        if error.errno in _FULL:
+            raise DiskFullError(path, reason, "Free some space and do the last step again") from None
+        raise DiskError(path, reason, "Check the folder and its permissions") from None
+
+
+def sync(path: Path) -> None:
+    """Wait until a file's content, or a folder's list of names, is on the disk."""
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def move(source: Path, target: Path) -> None:
+    """Rename within one disk; done for good when it returns."""
+    os.replace(source, target)
+    sync(target.parent)
+
+
+def replace_text(path: Path, text: str) -> None:
+    """Write a text file as a whole: who reads it at any moment gets the old or the new one."""
+    new = path.with_name(f".{path.name}.{secrets.token_hex(4)}{UNFINISHED}")  # threads may write it at once
+    try:
+        with new.open("w", encoding="utf-8") as file:
+            file.write(text)
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(new, path)
+    except OSError:
+        with suppress(OSError):
+            new.unlink(missing_ok=True)
+        raise
+    with suppress(OSError):  # the new one is there, so it would be wrong to say that it is not
+        sync(path.parent)
+
+
+def copy_folder(source: Path, target: Path) -> None:
+    """Copy a flat folder's files, by hard links where the disk has them, so that `target` appears as a whole."""
+    new = target.with_name(f".{target.name}{UNFINISHED}")
+    shutil.rmtree(new, ignore_errors=True)
+    try:
+        new.mkdir(parents=True)
+        for file in sorted(source.iterdir()):
+            if file.is_file() and not file.name.startswith("."):
+                _link_or_copy(file, new / file.name)
+        sync(new)
+        os.rename(new, target)
+        sync(target.parent)
+    except OSError:
+        shutil.rmtree(new, ignore_errors=True)
+        raise
+
+
+def _link_or_copy(source: Path, target: Path) -> None:
+    try:
+        os.link(source, target)
+    except OSError:
+        shutil.copyfile(source, target)
+        sync(target)

@@ -1,0 +1,69 @@
+"""What can be changed of an episode once it is recorded; it lives in metadata.yaml, beside the raw files."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from cliport_episodes.errors import BagError
+
+FORMAT = "1"
+_SUCCESS = {"true": True, "false": False, "unmarked": None}
+
+
+@dataclass(frozen=True)
+class Edits:
+    """success: None where nobody judged. instructions: by step number, where relabelled.
+
+    first, last: the numbers of the first and the last step that count; None: from the beginning, to the end.
+    """
+
+    success: bool | None = None
+    finished: bool = False
+    instructions: Mapping[int, str] = field(default_factory=dict)
+    first: int | None = None
+    last: int | None = None
+    notes: str = ""
+
+    def keeps(self, step: int) -> bool:
+        """Whether a step is left after trimming."""
+        return (self.first is None or step >= self.first) and (self.last is None or step <= self.last)
+
+    def to_custom_data(self) -> dict[str, str]:
+        """The `custom_data` of metadata.yaml: text only."""
+        data = {
+            "cliport_format": FORMAT,
+            "success": next(word for word, value in _SUCCESS.items() if value is self.success),
+            "finished": str(self.finished).lower(),
+        }
+        if self.instructions:
+            by_step = {str(step): text for step, text in sorted(self.instructions.items())}
+            data["instructions"] = json.dumps(by_step, ensure_ascii=False)
+        for name, value in (("first", self.first), ("last", self.last)):
+            if value is not None:
+                data[name] = str(value)
+        return {**data, "notes": self.notes} if self.notes else data
+
+    @classmethod
+    def from_custom_data(cls, data: Mapping[str, str]) -> Edits:
+        """The inverse of `to_custom_data`; keys of others are ignored.
+
+        Raises:
+            BagError: when it is of a later format, or not usable.
+        """
+        try:
+            if data["cliport_format"] != FORMAT:
+                raise BagError(
+                    f"it has format {data['cliport_format']}, and {FORMAT} is known here: update this software"
+                )
+            return cls(
+                success=_SUCCESS[data["success"]],
+                finished=data.get("finished") == "true",
+                instructions={int(k): str(v) for k, v in json.loads(data.get("instructions", "{}")).items()},
+                first=int(data["first"]) if "first" in data else None,
+                last=int(data["last"]) if "last" in data else None,
+                notes=data.get("notes", ""),
+            )
+        except (KeyError, TypeError, ValueError, AttributeError) as error:
+            raise BagError(f"what was edited cannot be read ({type(error).__name__}: {error})") from None

@@ -1,0 +1,121 @@
+"""What the camera and the arm said at one moment of an episode."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from cliport_episodes.capture_setup import CaptureSetup
+from cliport_episodes.errors import ObservationError
+from cliport_episodes.message_types import decode
+from cliport_episodes.raw import RawMessage
+from cliport_perception.camera_model import CameraModel
+from cliport_perception.errors import FrameError, ImageError, PerceptionError
+from cliport_perception.heightmap import Heightmap
+from cliport_perception.heightmap_builder import heightmap_from_rgbd
+from cliport_perception.images import ImageBuffer, decode_color, decode_depth
+from cliport_perception.pose import Pose
+from cliport_perception.transforms import TransformTree
+from cliport_perception.workspace import WorkspaceSpec
+
+COLOR_TOPIC = "/camera/color/image_raw"
+CAMERA_TOPIC = "/camera/color/camera_info"
+DEPTH_TOPIC = "/camera/aligned_depth_to_color/image_raw"
+JOINTS_TOPIC = "/joint_states"
+TRANSFORM_TOPICS = ("/tf_static", "/tf")
+OBSERVATION_TOPICS = (COLOR_TOPIC, CAMERA_TOPIC, DEPTH_TOPIC, JOINTS_TOPIC, *TRANSFORM_TOPICS)
+_NS = 1_000_000_000
+
+
+@dataclass(frozen=True, eq=False)
+class Observation:
+    """color: (H, W, 3) uint8 RGB; depth_m: (H, W) float32 [m], NaN where unknown; stamp_ns: of the colour image [ns].
+
+    camera_in_base: pose of the optical frame in the base frame; joint_positions: [rad] or [m] by name.
+    """
+
+    stamp_ns: int
+    color: npt.NDArray[np.uint8]
+    depth_m: npt.NDArray[np.float32]
+    camera: CameraModel
+    camera_in_base: Pose
+    joint_positions: dict[str, float]
+
+    def heightmap(self, workspace: WorkspaceSpec) -> Heightmap:
+        """The scene from straight above."""
+        return heightmap_from_rgbd(self.color, self.depth_m, self.camera, self.camera_in_base, workspace, self.stamp_ns)
+
+
+def observation_from_messages(messages: Iterable[RawMessage], where: str, setup: CaptureSetup) -> Observation:
+    """The observation in the messages of one step; the latest of each topic counts. `where` is said in errors.
+
+    Where the transforms do not join camera and base, the setup's calibration holds.
+
+    Raises:
+        ObservationError: when a topic is missing, or a message cannot be used.
+    """
+    latest: dict[str, Any] = {}
+    tree = TransformTree()
+    try:
+        for raw in messages:
+            if raw.topic in TRANSFORM_TOPICS:
+                _put(tree, decode(raw))
+            elif raw.topic in OBSERVATION_TOPICS:
+                latest[raw.topic] = decode(raw)
+        color, info, depth = (latest[topic] for topic in (COLOR_TOPIC, CAMERA_TOPIC, DEPTH_TOPIC))
+        for image in (color, depth):
+            if (image.width, image.height) != (info.width, info.height):
+                sizes = f"{image.width}x{image.height} pixels, where camera_info says {info.width}x{info.height}"
+                raise ImageError(f"an image has {sizes}")
+        return Observation(
+            stamp_ns=color.header.stamp.sec * _NS + color.header.stamp.nanosec,
+            color=np.array(decode_color(_buffer(color))),  # the decoded message's own pixels cannot be drawn on
+            depth_m=decode_depth(_buffer(depth)),
+            camera=camera_from_info(info),
+            camera_in_base=_camera_in_base(tree, info.header.frame_id, setup),
+            joint_positions=_joint_positions(latest.get(JOINTS_TOPIC)),
+        )
+    except KeyError as error:
+        raise ObservationError(f"{where} has no message on {error.args[0]}: record that topic too") from None
+    except (PerceptionError, ValueError, AttributeError) as error:
+        raise ObservationError(f"{where}: {error}") from None
+
+
+def camera_from_info(info: Any) -> CameraModel:
+    """The camera model of a CameraInfo message of raw images. Raises CameraModelError."""
+    k = info.k
+    return CameraModel(
+        int(info.width),
+        int(info.height),
+        *(float(k[0]), float(k[4]), float(k[2]), float(k[5])),
+        distortion_model=info.distortion_model,
+        distortion=tuple(float(v) for v in info.d),
+    )
+
+
+def _put(tree: TransformTree, message: Any) -> None:
+    for each in message.transforms:
+        t, q = each.transform.translation, each.transform.rotation
+        pose = Pose.from_quaternion_xyzw((q.x, q.y, q.z, q.w), (t.x, t.y, t.z))
+        tree.put(each.header.frame_id, each.child_frame_id, pose)
+
+
+def _camera_in_base(tree: TransformTree, camera_frame: str, setup: CaptureSetup) -> Pose:
+    try:
+        return tree.source_in_target(camera_frame, setup.base_frame)
+    except FrameError:
+        return setup.camera_in_base
+
+
+def _buffer(image: Any) -> ImageBuffer:
+    return ImageBuffer(
+        memoryview(image.data), image.height, image.width, image.step, image.encoding, bool(image.is_bigendian)
+    )
+
+
+def _joint_positions(joints: Any) -> dict[str, float]:
+    return {} if joints is None else {name: float(p) for name, p in zip(joints.name, joints.position)}
