@@ -59,11 +59,15 @@ def observation_from_messages(messages: Iterable[RawMessage], where: str, setup:
         ObservationError: when a topic is missing, or a message cannot be used.
     """
     latest: dict[str, Any] = {}
+    joints: dict[str, float] = {}
     tree = TransformTree()
     try:
         for raw in messages:
             if raw.topic in TRANSFORM_TOPICS:
                 _put(tree, decode(raw))
+            elif raw.topic == JOINTS_TOPIC:  # arm and hand may each send their own
+                message = decode(raw)
+                joints |= {name: float(p) for name, p in zip(message.name, message.position)}
             elif raw.topic in OBSERVATION_TOPICS:
                 latest[raw.topic] = decode(raw)
         color, info, depth = (latest[topic] for topic in (COLOR_TOPIC, CAMERA_TOPIC, DEPTH_TOPIC))
@@ -77,7 +81,7 @@ def observation_from_messages(messages: Iterable[RawMessage], where: str, setup:
             depth_m=decode_depth(_buffer(depth)),
             camera=camera_from_info(info),
             camera_in_base=_camera_in_base(tree, info.header.frame_id, setup),
-            joint_positions=_joint_positions(latest.get(JOINTS_TOPIC)),
+            joint_positions=joints,
         )
     except KeyError as error:
         raise ObservationError(f"{where} has no message on {error.args[0]}: record that topic too") from None
@@ -115,7 +119,3 @@ def _buffer(image: Any) -> ImageBuffer:
     return ImageBuffer(
         memoryview(image.data), image.height, image.width, image.step, image.encoding, bool(image.is_bigendian)
     )
-
-
-def _joint_positions(joints: Any) -> dict[str, float]:
-    return {} if joints is None else {name: float(p) for name, p in zip(joints.name, joints.position)}

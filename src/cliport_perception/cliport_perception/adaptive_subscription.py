@@ -16,13 +16,18 @@ class AdaptiveSubscription:
     """Best effort, which takes what any camera driver publishes; reliable once all publishers offer that.
 
     Best effort alone loses most images of a megabyte or more: one lost fragment loses the image.
+
+    raw: the callback is given the serialized bytes.
     """
 
-    def __init__(self, node: Node, message_type: type, topic: str, callback: Callable[[Any], None]) -> None:
+    def __init__(
+        self, node: Node, message_type: type, topic: str, callback: Callable[[Any], None], raw: bool = False
+    ) -> None:
         self._node = node
         self._message_type = message_type
         self._topic = topic
         self._callback = callback
+        self._raw = raw
         self._reliable = False
         self._subscription = self._subscribe()
 
@@ -49,4 +54,4 @@ class AdaptiveSubscription:
     def _subscribe(self) -> Subscription:
         policy = ReliabilityPolicy.RELIABLE if self._reliable else ReliabilityPolicy.BEST_EFFORT
         profile = QoSProfile(depth=QUEUE, reliability=policy)
-        return self._node.create_subscription(self._message_type, self._topic, self._callback, profile)
+        return self._node.create_subscription(self._message_type, self._topic, self._callback, profile, raw=self._raw)

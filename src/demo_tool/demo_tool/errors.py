@@ -1,0 +1,33 @@
+"""Errors of demo_tool: one root, one line for a person each."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+
+class DemoToolError(Exception):
+    """Root of everything that this package raises on purpose."""
+
+
+class StationError(DemoToolError):
+    """A command that the station refuses; the message is one line that says why, and what would do."""
+
+
+class CommandError(StationError):
+    """A command that does not exist, or with arguments that cannot be used."""
+
+
+class UnknownCommandError(CommandError):
+    """No command has this name."""
+
+    def __init__(self, name: str, known: Iterable[str]) -> None:
+        self.name, self.known = name, tuple(known)
+        super().__init__(f"there is no command '{name[:40]}'; there are {', '.join(self.known)}")
+
+
+class NotNowError(StationError):
+    """The station is in a state in which the command has no meaning, or must not be obeyed."""
+
+
+class BoxError(StationError):
+    """A box that names no place to pick or to put down: no depth in it, nothing in it, or out of the workspace."""

@@ -1,0 +1,262 @@
+"""An arm, a policy and a camera over a table with coloured blocks, without ROS: for tests, and for trying the page."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from cliport_episodes.message_types import encode, known_types
+from cliport_episodes.raw import RawMessage
+from cliport_perception.camera_model import CameraModel
+from cliport_perception.pose import PlanarPose, Pose
+from demo_tool.live_view import ColorImage, DepthImage, LiveView
+from demo_tool.ports import ACCEPTED, ArmResult, OnEnd, OnPhase, Outcome, PickPlaceGoal, PolicyState
+
+_PHASES = (
+    "VALIDATING",
+    "GRASP_PLANNING",
+    "GO_ABOVE_PICK",
+    "DESCEND",
+    "CLOSE",
+    "RAISE",
+    "CARRY",
+    "LOWER",
+    "OPEN",
+    "RETREAT",
+)
+_FRAME = "camera_color_optical_frame"
+_TABLE_COLOR = (122, 112, 102)
+
+
+class Block(NamedTuple):
+    """Stands on the table at (x, y), size along x, y and z [m]; color: RGB."""
+
+    x: float
+    y: float
+    color: tuple[int, int, int] = (200, 40, 40)
+    size: tuple[float, float, float] = (0.04, 0.04, 0.04)
+
+
+BLOCKS = (Block(0.42, -0.12), Block(0.50, 0.12, (40, 70, 200)), Block(0.38, 0.02, (60, 170, 60)))
+
+
+@dataclass
+class FakeTable:
+    """A table under a tilted camera. holes: (top, left, bottom, right) of the picture where no depth is known."""
+
+    blocks: Sequence[Block] = BLOCKS
+    width: int = 480
+    height: int = 270
+    holes: Sequence[tuple[int, int, int, int]] = ()
+    camera_in_base: Pose = field(default_factory=lambda: Pose.looking_at((1.25, 0.0, 0.95), (0.45, 0.0, 0.0)))
+
+    @property
+    def camera(self) -> CameraModel:
+        """Without distortion."""
+        focal = 0.5625 * self.width
+        return _camera(self.width, self.height, focal)
+
+    def live_view(self, stamp_ns: int, received_ns: int | None = None) -> LiveView:
+        """What the camera sees of it now, with the messages that a real one would have sent."""
+        color, depth = self._cast()
+        received = stamp_ns if received_ns is None else received_ns
+        raw = messages_of(color, depth, self.camera, self.camera_in_base, stamp_ns, received)
+        return LiveView(stamp_ns, received, _FRAME, self.camera, self.camera_in_base, raw, lambda: color, lambda: depth)
+
+    def box_around(self, block: Block, margin: int = 3) -> list[int]:
+        """[top, left, bottom, right] of the picture around a block, `margin` pixels larger on each side."""
+        sx, sy, sz = block.size
+        corners = [(block.x + a * sx / 2, block.y + b * sy / 2, z) for a in (-1, 1) for b in (-1, 1) for z in (0.0, sz)]
+        pixels = self.camera.project(self.camera_in_base.inverse().apply(corners))
+        low, high = np.floor(pixels.min(axis=0)) - margin, np.ceil(pixels.max(axis=0)) + margin
+        return [int(low[0]), int(low[1]), int(high[0]), int(high[1])]
+
+    def box_at(self, x: float, y: float, half: int = 12) -> list[int]:
+        """[top, left, bottom, right] around a point of the table [m]."""
+        row, col = self.camera.project(self.camera_in_base.inverse().apply([[x, y, 0.0]]))[0]
+        return [round(row) - half, round(col) - half, round(row) + half, round(col) + half]
+
+    def move(self, start: PlanarPose, end: PlanarPose) -> None:
+        """Carry the block nearest to `start`, if it is within 3 cm, to `end`."""
+        distances = [float(np.hypot(b.x - start.x, b.y - start.y)) for b in self.blocks]
+        nearest = int(np.argmin(distances))
+        if distances[nearest] < 0.03:
+            moved = self.blocks[nearest]._replace(x=end.x, y=end.y)
+            self.blocks = [moved if i == nearest else block for i, block in enumerate(self.blocks)]
+
+    def _cast(self) -> tuple[ColorImage, DepthImage]:
+        rays = self.camera.rays().astype(np.float64) @ self.camera_in_base.rotation.T
+        origin = self.camera_in_base.translation
+        with np.errstate(divide="ignore"):
+            depth = np.where(rays[..., 2] < 0.0, -origin[2] / rays[..., 2], np.inf)
+        color: ColorImage = np.empty((*depth.shape, 3), np.uint8)
+        color[:] = _TABLE_COLOR
+        for block in self.blocks:
+            half = np.array(block.size) / 2.0
+            centre = np.array([block.x, block.y, half[2]])
+            with np.errstate(divide="ignore", invalid="ignore"):
+                a, b = (centre - half - origin) / rays, (centre + half - origin) / rays
+            enter, leave = np.minimum(a, b).max(axis=-1), np.maximum(a, b).min(axis=-1)
+            hit = (enter <= leave) & (enter < depth)
+            depth[hit] = enter[hit]
+            color[hit] = block.color
+        depth[depth > 10.0] = np.nan
+        for top, left, bottom, right in self.holes:
+            depth[top:bottom, left:right] = np.nan
+        return color, depth.astype(np.float32)
+
+
+@lru_cache(maxsize=4)
+def _camera(width: int, height: int, focal: float) -> CameraModel:
+    return CameraModel(width, height, focal, focal, width / 2.0, height / 2.0)
+
+
+def messages_of(
+    color: ColorImage, depth_m: DepthImage, camera: CameraModel, camera_in_base: Pose, stamp_ns: int, received_ns: int
+) -> tuple[RawMessage, ...]:
+    """Colour, depth, camera_info, /tf_static and /joint_states as they would come over the wire."""
+    types = known_types().types
+    stamp = types["builtin_interfaces/msg/Time"](stamp_ns // 10**9, stamp_ns % 10**9)
+    header = types["std_msgs/msg/Header"](stamp, _FRAME)
+
+    def image(pixels: npt.NDArray[np.generic], encoding: str) -> object:
+        step = pixels.strides[0]
+        return types["sensor_msgs/msg/Image"](
+            header,
+            pixels.shape[0],
+            pixels.shape[1],
+            encoding,
+            0,
+            step,
+            np.ascontiguousarray(pixels).view(np.uint8).ravel(),
+        )
+
+    k = camera.matrix
+    roi = types["sensor_msgs/msg/RegionOfInterest"](0, 0, 0, 0, False)
+    p = np.hstack([k, np.zeros((3, 1))]).ravel()
+    info = types["sensor_msgs/msg/CameraInfo"](
+        header, camera.height, camera.width, "plumb_bob", np.zeros(5), k.ravel(), np.eye(3).ravel(), p, 0, 0, roi
+    )
+    x, y, z = (float(v) for v in camera_in_base.translation)
+    quaternion = types["geometry_msgs/msg/Quaternion"](*(float(v) for v in camera_in_base.as_quaternion_xyzw()))
+    transform = types["geometry_msgs/msg/Transform"](types["geometry_msgs/msg/Vector3"](x, y, z), quaternion)
+    base = types["std_msgs/msg/Header"](stamp, "panda_link0")
+    link = types["geometry_msgs/msg/TransformStamped"](base, _FRAME, transform)
+    names = [f"panda_joint{i}" for i in range(1, 8)]
+    joints = types["sensor_msgs/msg/JointState"](
+        types["std_msgs/msg/Header"](stamp, ""), names, np.zeros(7), np.zeros(7), np.zeros(7)
+    )
+    messages = {
+        "/camera/color/image_raw": image(color, "rgb8"),
+        "/camera/aligned_depth_to_color/image_raw": image(np.nan_to_num(depth_m, nan=0.0), "32FC1"),
+        "/camera/color/camera_info": info,
+        "/tf_static": types["tf2_msgs/msg/TFMessage"]([link]),
+        "/joint_states": joints,
+    }
+    return tuple(encode(topic, message, received_ns) for topic, message in messages.items())
+
+
+@dataclass
+class FakeArm:
+    """Obeys at once, or in a thread with `pace` seconds a phase.
+
+    result: how goals end, a plan with PLANNED where this says SUCCEEDED; silent: goals are never answered;
+    fault_words: why it cannot be used; on_success: what a goal that succeeds does to the world.
+    """
+
+    pace: float = 0.0
+    result: ArmResult = field(default_factory=lambda: ArmResult(Outcome.SUCCEEDED, "done", (0.42, -0.12, 0.03), 0.04))
+    silent: bool = False
+    fault_words: str | None = None
+    on_success: Callable[[PickPlaceGoal], None] = lambda goal: None
+    goals: list[PickPlaceGoal] = field(default_factory=list)
+    stops: int = 0
+    stopped: bool = False
+    _cancel: threading.Event = field(default_factory=threading.Event)
+
+    def fault(self) -> str | None:
+        """As set."""
+        return self.fault_words
+
+    def send(self, goal: PickPlaceGoal, on_phase: OnPhase, on_end: OnEnd) -> None:
+        """Play all phases."""
+        self.goals.append(goal)
+        if self.silent:
+            return
+        if self.stopped:
+            on_end(ArmResult(Outcome.REJECTED, "the executor is stopped"))
+            return
+        self._cancel = threading.Event()
+        if self.pace:
+            threading.Thread(target=self._play, args=(goal, on_phase, on_end), daemon=True).start()
+        else:
+            self._play(goal, on_phase, on_end)
+
+    def cancel(self) -> None:
+        """The goal that runs ends."""
+        self._cancel.set()
+
+    def stop(self, reason: str) -> None:
+        """Latching."""
+        self.stops += 1
+        self.stopped = True
+        self._cancel.set()
+
+    def resume(self) -> None:
+        """End a stop."""
+        self.stopped = False
+
+    def _play(self, goal: PickPlaceGoal, on_phase: OnPhase, on_end: OnEnd) -> None:
+        on_phase(ACCEPTED, 0.0)
+        phases = _PHASES[:2] if goal.plan_only or not _moves(self.result.outcome) else _PHASES
+        for number, phase in enumerate(phases):
+            on_phase(phase, number / len(phases))
+            if self.pace and self._cancel.wait(self.pace):
+                on_end(ArmResult(Outcome.CANCELLED, f"cancelled during {phase.lower()}; the arm holds"))
+                return
+        result = self.result
+        if goal.plan_only and result.outcome is Outcome.SUCCEEDED:
+            result = replace(result, outcome=Outcome.PLANNED, message="a way was found")
+        elif result.outcome is Outcome.SUCCEEDED:
+            self.on_success(goal)
+        on_end(result)
+
+
+def _moves(outcome: Outcome) -> bool:
+    return outcome not in (Outcome.REJECTED, Outcome.PLANNING_FAILED)
+
+
+class FakePolicy:
+    """Proposes one pick and one place, when it waits for approval; attach the station to hear it."""
+
+    def __init__(self, pick: PlanarPose, place: PlanarPose, waits: bool | None = True) -> None:
+        self.pick, self.place, self.waits = pick, place, waits
+        self.heard: list[str] = []
+        self.on_status: Callable[[PolicyState, str, str], None] = lambda *_: None
+        self.on_pose: Callable[[str, PlanarPose, int], None] = lambda *_: None
+        self.failure = ""
+
+    def ask_whether_it_waits(self, on_answer: Callable[[bool | None], None]) -> None:
+        """As set."""
+        on_answer(self.waits)
+
+    def instruct(self, text: str) -> None:
+        """Propose at once; an empty text drops."""
+        self.heard.append(text)
+        if not text:
+            self.on_status(PolicyState.IDLE, "stopped by an empty instruction", "")
+        elif self.failure:
+            self.on_status(PolicyState.FAILED, self.failure, text)
+        else:
+            self.on_status(PolicyState.PROPOSING, "choosing", text)
+            stamp_ns = time.monotonic_ns()
+            self.on_pose("pick", self.pick, stamp_ns)
+            self.on_pose("place", self.place, stamp_ns)
+            self.on_status(PolicyState.WAITING_FOR_APPROVAL, "waiting for a call of /cliport/approve", text)

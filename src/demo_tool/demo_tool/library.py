@@ -1,0 +1,119 @@
+"""Commands that look at and edit what was recorded; none touches the arm."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from cliport_episodes.data_set import DataSet, draw_statistics
+from cliport_episodes.names import check_name
+from demo_tool.arguments import number_of, text_of
+from demo_tool.errors import NotNowError
+from demo_tool.live_view import ColorImage
+from demo_tool.recording import Recorder, step_shown
+from demo_tool.wording import verdict_words
+
+_MOST_STEPS = 100_000
+
+
+class Library:
+    """The open data set, edited by commands. Raises StationError, EpisodesError."""
+
+    def __init__(self, root: Path, recorder: Recorder) -> None:
+        self._root, self._recorder = root, recorder
+        self.commands: dict[str, Callable[[Mapping[str, Any]], dict[str, Any]]] = {
+            "episodes": self._episodes,
+            "episode": self._episode,
+            "relabel": self._relabel,
+            "trim": self._trim,
+            "delete": self._delete,
+            "restore": self._restore,
+            "trash": self._trash,
+            "empty_trash": self._empty_trash,
+            "statistics": self._statistics,
+        }
+
+    def picture(self, name: str, step: int, data_set: str | None = None) -> ColorImage:
+        """The colour image (H, W, 3) RGB on which a step was chosen; of the open data set where none is named."""
+        source = self._open() if data_set is None else DataSet.open(self._root / check_name("data set", data_set))
+        return source.episode(name).step(step).observation().color
+
+    def statistics_png(self) -> bytes:
+        """The statistics as a picture."""
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "statistics.png"
+            draw_statistics(self._open().statistics(), path)
+            return path.read_bytes()
+
+    def mark(self, name: str, success: bool | None) -> dict[str, Any]:
+        """Say whether an episode reached its goal."""
+        self._open().mark(name, success)
+        return {"words": f"episode {name}: {verdict_words(success)}"}
+
+    def _open(self) -> DataSet:
+        if self._recorder.data_set is None:
+            raise NotNowError("open a data set first")
+        return self._recorder.data_set
+
+    def _episodes(self, _: Mapping[str, Any]) -> dict[str, Any]:
+        return {
+            "episodes": [
+                {
+                    "name": info.name,
+                    "n_steps": info.n_steps,
+                    "instructions": list(info.instructions),
+                    "success": info.success,
+                    "finished": info.finished,
+                    "bytes": info.bytes,
+                    "complaints": list(info.complaints),
+                }
+                for info in self._open().episodes()
+            ]
+        }
+
+    def _episode(self, arguments: Mapping[str, Any]) -> dict[str, Any]:
+        episode = self._open().episode(text_of(arguments, "name"))
+        return {
+            "name": episode.name,
+            "success": episode.success,
+            "complaints": list(episode.complaints),
+            "steps": [step_shown(step.record) for step in episode.steps],
+        }
+
+    def _relabel(self, arguments: Mapping[str, Any]) -> dict[str, Any]:
+        name, text = text_of(arguments, "name"), text_of(arguments, "text")
+        self._open().relabel(name, text, _step_of(arguments, "step"))
+        return {"words": f"episode {name} is relabelled"}
+
+    def _trim(self, arguments: Mapping[str, Any]) -> dict[str, Any]:
+        name = text_of(arguments, "name")
+        first, last = (_step_of(arguments, key) for key in ("first", "last"))
+        self._open().trim(name, first, last)
+        return {"words": f"episode {name} is trimmed"}
+
+    def _delete(self, arguments: Mapping[str, Any]) -> dict[str, Any]:
+        name = text_of(arguments, "name")
+        self._open().delete(name)
+        return {"words": f"episode {name} is in the trash"}
+
+    def _restore(self, arguments: Mapping[str, Any]) -> dict[str, Any]:
+        name = text_of(arguments, "name")
+        self._open().restore(name)
+        return {"words": f"episode {name} is back"}
+
+    def _trash(self, _: Mapping[str, Any]) -> dict[str, Any]:
+        return {"trashed": self._open().trashed()}
+
+    def _empty_trash(self, _: Mapping[str, Any]) -> dict[str, Any]:
+        count = self._open().empty_trash()
+        return {"words": f"{count} episodes are gone for good; the trash is empty"}
+
+    def _statistics(self, _: Mapping[str, Any]) -> dict[str, Any]:
+        return {"statistics": self._open().statistics().to_dict()}
+
+
+def _step_of(arguments: Mapping[str, Any], name: str) -> int | None:
+    """A step's number, None where it is not given. Raises CommandError."""
+    return None if arguments.get(name) is None else number_of(arguments, name, 0, _MOST_STEPS)

@@ -1,0 +1,88 @@
+"""One goal at the arm, from asking to its end, with every wait bounded."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+
+from demo_tool.ports import ACCEPTED, RESTING, Arm, ArmResult, OnEnd, Outcome, PickPlaceGoal
+from demo_tool.station_config import StationConfig
+
+_ENDED_MOVING = frozenset({Outcome.SUCCEEDED, Outcome.GRASP_MISSED, Outcome.DROPPED})
+
+
+class Motion:
+    """Ends once, whatever the arm does or does not: `on_end` is called with the result, in the thread that brings it.
+
+    Times are those of a steady clock [s], handed in.
+    """
+
+    def __init__(
+        self, arm: Arm, goal: PickPlaceGoal, config: StationConfig, on_change: Callable[[], None], on_end: OnEnd
+    ) -> None:
+        self.goal = goal
+        self.phase, self.progress = "", 0.0
+        self.moved = False
+        self._arm, self._config = arm, config
+        self._on_change, self._on_end = on_change, on_end
+        self._lock = threading.Lock()
+        self._ended = False
+        self._accepted = False
+        self._deadline = float("inf")
+        self._cancelled_at: float | None = None
+        self._fault_since: float | None = None
+
+    def begin(self, now: float) -> None:
+        """Ask the arm."""
+        self._deadline = now + self._config.answer_timeout
+        self._arm.send(self.goal, self._on_phase, self._end)
+
+    def cancel(self, now: float) -> None:
+        """Ask for the end; the result is CANCELLED even when the arm no longer answers."""
+        if self._cancelled_at is None:
+            self._cancelled_at = now
+            self._arm.cancel()
+
+    def abandon(self, message: str) -> None:
+        """End before the arm was asked."""
+        self._end(ArmResult(Outcome.CANCELLED, message))
+
+    def tick(self, now: float) -> None:
+        """Call often: what nothing else ends ends here."""
+        if self._ended:
+            return
+        fault = self._arm.fault()
+        if fault is None:
+            self._fault_since = None
+        elif self._fault_since is None:
+            self._fault_since = now
+        if fault is not None and self._fault_since is not None and now - self._fault_since >= self._config.lost:
+            self._give_up(Outcome.EXECUTION_FAILED, f"the arm was lost: {fault}")
+        elif self._cancelled_at is not None and now - self._cancelled_at > self._config.cancel_timeout:
+            self._give_up(Outcome.CANCELLED, f"no answer to a cancel for {self._config.cancel_timeout:g} s")
+        elif now > self._deadline and not self._accepted:
+            self._give_up(Outcome.REJECTED, f"the executor gave no answer for {self._config.answer_timeout:g} s")
+        elif self._accepted and now > self._deadline + self._config.goal_timeout:
+            self.cancel(now)
+
+    def _give_up(self, outcome: Outcome, message: str) -> None:
+        self._arm.cancel()  # it may still hear
+        self._end(ArmResult(outcome, message))
+
+    def _on_phase(self, name: str, progress: float) -> None:
+        if self._ended:
+            return
+        self._accepted = True
+        if name not in RESTING and not self.goal.plan_only:
+            self.moved = True
+        if name != ACCEPTED:
+            self.phase, self.progress = name, progress
+        self._on_change()
+
+    def _end(self, result: ArmResult) -> None:
+        with self._lock:
+            if self._ended:
+                return
+            self._ended = True
+        self.moved = self.moved or result.outcome in _ENDED_MOVING
+        self._on_end(result)

@@ -1,0 +1,127 @@
+"""The executor as the station's arm: goals, cancel, stop, signs of life."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+from action_msgs.msg import GoalStatus
+from rclpy.action import ActionClient
+from rclpy.action.client import ClientGoalHandle
+from rclpy.node import Node
+from std_msgs.msg import Empty
+from std_srvs.srv import Trigger
+
+from cliport_interfaces.action import PickPlace
+from demo_tool.conversions import goal_to_msg, result_from_msg
+from demo_tool.ports import ACCEPTED, ArmResult, OnEnd, OnPhase, Outcome, PickPlaceGoal
+
+ACTION = "/panda_executor/pick_place"
+_HEARTBEAT_TIMEOUT = 1.0  # [s]
+_STOPS = ("/panda_executor/stop", "/cliport/stop")
+_RESUMES = ("/panda_executor/resume", "/cliport/resume")
+
+
+class RosArm:
+    """An `Arm`. Its methods may be called from any thread: what they ask for is done in the node's, by `post`."""
+
+    def __init__(self, node: Node, base_frame: str, post: Callable[[Callable[[], None]], None]) -> None:
+        self._node, self._base_frame, self._post = node, base_frame, post
+        self._action = ActionClient(node, PickPlace, ACTION)
+        self._triggers = {name: node.create_client(Trigger, name) for name in (*_STOPS, *_RESUMES)}
+        node.create_subscription(Empty, "/panda_executor/heartbeat", self._on_heartbeat, 1)
+        self._beat: float | None = None
+        self._fault: str | None = "the executor has not been looked for yet"
+        self._goal: _Goal | None = None
+
+    def fault(self) -> str | None:
+        """Why it cannot be asked for anything now, in one line, or None."""
+        return self._fault
+
+    def look(self) -> None:
+        """Find out whether the executor is there; call a few times a second in the node's thread."""
+        if not self._action.server_is_ready():
+            self._fault = f"the executor is not there: is it running? (action {ACTION})"
+        elif self._beat is not None and time.monotonic() - self._beat > _HEARTBEAT_TIMEOUT:
+            self._fault = f"the executor gives no sign of life for {time.monotonic() - self._beat:.0f} s"
+        else:
+            self._fault = None
+
+    def send(self, goal: PickPlaceGoal, on_phase: OnPhase, on_end: OnEnd) -> None:
+        """Begin a goal."""
+        self._post(lambda: self._send(_Goal(on_phase, on_end), goal))
+
+    def cancel(self) -> None:
+        """Ask for the end of the goal that runs, now or once it is taken."""
+        self._post(self._cancel)
+
+    def stop(self, reason: str) -> None:
+        """Cancel, and latch the stops of the executor and of the policy server."""
+        self._post(lambda: self._stop(reason))
+
+    def resume(self) -> None:
+        """End those stops."""
+        self._post(lambda: self._call(_RESUMES))
+
+    def _send(self, mine: _Goal, goal: PickPlaceGoal) -> None:
+        self._goal = mine
+        sent = self._action.send_goal_async(
+            goal_to_msg(goal, self._base_frame), feedback_callback=lambda message: mine.on_feedback(message.feedback)
+        )
+        sent.add_done_callback(lambda done: mine.on_answer(done.result()))
+
+    def _cancel(self) -> None:
+        if self._goal is not None:
+            self._goal.cancel()
+
+    def _stop(self, reason: str) -> None:
+        self._call(_STOPS)
+        self._cancel()
+        self._node.get_logger().warning(f"stop: {reason}")
+
+    def _call(self, names: tuple[str, ...]) -> None:
+        for name in names:
+            if self._triggers[name].service_is_ready():
+                self._triggers[name].call_async(Trigger.Request())
+            else:
+                self._node.get_logger().warning(f"service {name} is not there, and was not called")
+
+    def _on_heartbeat(self, _: Empty) -> None:
+        self._beat = time.monotonic()
+
+
+class _Goal:
+    """One goal that was sent."""
+
+    def __init__(self, on_phase: OnPhase, on_end: OnEnd) -> None:
+        self._on_phase, self._on_end = on_phase, on_end
+        self._handle: ClientGoalHandle | None = None
+        self._cancelled = False
+
+    def on_feedback(self, feedback: PickPlace.Feedback) -> None:
+        self._on_phase(str(feedback.phase_name), float(feedback.progress))
+
+    def on_answer(self, handle: ClientGoalHandle | None) -> None:
+        if handle is None or not handle.accepted:
+            line = "the executor did not take the goal: it is busy, or stopped (resume ends a stop)"
+            self._on_end(ArmResult(Outcome.REJECTED, line))
+            return
+        self._handle = handle
+        self._on_phase(ACCEPTED, 0.0)
+        handle.get_result_async().add_done_callback(lambda done: self._on_result(done.result()))
+        if self._cancelled:
+            handle.cancel_goal_async()
+
+    def cancel(self) -> None:
+        self._cancelled = True
+        if self._handle is not None:
+            self._handle.cancel_goal_async()
+
+    def _on_result(self, response: Any) -> None:
+        self._handle = None
+        if response is None:
+            self._on_end(ArmResult(Outcome.EXECUTION_FAILED, "the executor gave no result"))
+            return
+        is_ended_well = response.status == GoalStatus.STATUS_SUCCEEDED
+        self._on_end(result_from_msg(response.result, is_ended_well))

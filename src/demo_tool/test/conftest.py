@@ -1,0 +1,125 @@
+"""A station over a table with coloured blocks, whose arm, policy and clock do what a test says."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from cliport_perception.pose import PlanarPose
+from demo_tool.errors import StationError
+from demo_tool.fakes import BLOCKS, Block, FakeArm, FakePolicy, FakeTable
+from demo_tool.ports import OnEnd, OnPhase, PickPlaceGoal
+from demo_tool.station import Station
+from demo_tool.station_config import StationConfig
+
+# the logic is tested without any build; this one needs the built messages
+collect_ignore = [] if find_spec("cliport_interfaces") else ["test_ros_link.py"]
+
+NS = 1_000_000_000
+
+
+class HeldArm(FakeArm):
+    """Answers a goal only when a test does."""
+
+    def send(self, goal: PickPlaceGoal, on_phase: OnPhase, on_end: OnEnd) -> None:
+        self.goals.append(goal)
+        self.on_phase, self.on_end = on_phase, on_end
+
+
+class Bench:
+    """The station and what surrounds it; time stands still unless it is told to pass."""
+
+    def __init__(self, root: Path, arm: FakeArm | None = None, config: StationConfig | None = None) -> None:
+        self.root, self.now = root, 100.0
+        self.arm = arm or FakeArm()
+        self.table = FakeTable(blocks=list(BLOCKS))
+        self.policy = FakePolicy(PlanarPose(0.42, -0.12, 0.0), PlanarPose(0.50, -0.28, 0.0))
+        self.run: Callable[[Callable[[], None]], None] = lambda job: job()
+        self.station = Station(
+            *(config or StationConfig(), self.arm, self.policy, root),
+            run=lambda job: self.run(job),
+            clock=lambda: self.now,
+        )
+        self.policy.on_status = self.station.on_policy_status
+        self.policy.on_pose = self.station.on_policy_pose
+
+    @property
+    def now_ns(self) -> int:
+        return int(self.now * NS)
+
+    def see(self, age: float = 0.0) -> None:
+        """The camera sends a picture."""
+        view = self.table.live_view(self.now_ns - int(age * NS), self.now_ns)
+        self.station.on_camera(view)
+        self.station.tick(self.now_ns)
+
+    def rest(self) -> None:
+        """A picture comes that was taken after the arm moved."""
+        self.now += 0.2
+        self.see()
+
+    def wait(self, seconds: float) -> None:
+        """Time passes, without pictures."""
+        self.now += seconds
+        self.station.tick(self.now_ns)
+
+    def do(self, command: str, /, **arguments: Any) -> dict[str, Any]:
+        return self.station.command(command, arguments)
+
+    def refused(self, command: str, /, **arguments: Any) -> str:
+        """The one line with which a command is refused; nothing may have moved."""
+        before = len(self.arm.goals)
+        with pytest.raises(StationError) as caught:
+            self.station.command(command, arguments)
+        line = str(caught.value)
+        assert line and "\n" not in line and self.view["last"] == {"ok": False, "words": line}
+        assert len(self.arm.goals) == before, "something moved"
+        return line
+
+    def draw(self, block: Block = BLOCKS[0], to: tuple[float, float] = (0.5, -0.28), rotation: int = 0) -> None:
+        self.rest()
+        self.do("pick", box=self.table.box_around(block), rotation=rotation)
+        self.do("place", box=self.table.box_at(*to), rotation=rotation)
+
+    def begin(self, data_set: str = "blocks", instruction: str = "put the red block aside") -> None:
+        """As far as a person is before the first step."""
+        self.see()
+        self.do("open_data_set", name=data_set)
+        self.do("instruction", text=instruction)
+
+    @property
+    def view(self) -> dict[str, Any]:
+        return self.station.view(None)
+
+    @property
+    def state(self) -> str:
+        return str(self.view["state"])
+
+    @property
+    def last(self) -> str:
+        return str(self.view["last"]["words"])
+
+    @property
+    def steps(self) -> list[dict[str, Any]]:
+        return self.view["episode"]["steps"] if self.view["episode"] else []
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> Bench:
+    return Bench(tmp_path)
+
+
+@pytest.fixture
+def held(tmp_path: Path) -> Bench:
+    """With an arm that answers only when the test does."""
+    return Bench(tmp_path, HeldArm())
+
+
+@pytest.fixture
+def make_bench(tmp_path: Path) -> Callable[..., Bench]:
+    """`make_bench(arm, config, root)`: another bench, on the same folder of data sets if none is named."""
+    return lambda arm=None, config=None, root=tmp_path: Bench(root, arm, config)

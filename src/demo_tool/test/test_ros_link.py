@@ -1,0 +1,278 @@
+"""The real node over real middleware: camera, executor and policy server are a few publishers and servers."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import pytest
+import rclpy
+from geometry_msgs.msg import PoseStamped, TransformStamped
+from rclpy.action import CancelResponse
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
+from rclpy.serialization import serialize_message
+from ros_domain import next_domain
+from sensor_msgs.msg import CameraInfo, Image, JointState
+from std_msgs.msg import Empty, String
+from std_srvs.srv import Trigger
+from tf2_msgs.msg import TFMessage
+
+from cliport_episodes.bags import decode, read_messages
+from cliport_episodes.data_set import DataSet
+from cliport_interfaces.action import PickPlace
+from cliport_interfaces.msg import PolicyStatus
+from cliport_perception import conversions as shared
+from cliport_perception.pose import PlanarPose
+from cliport_perception.ros_action_server import ThreadedActionServer
+from demo_tool import conversions
+from demo_tool.errors import StationError
+from demo_tool.fakes import BLOCKS, FakeTable
+from demo_tool.ports import ArmResult, Outcome
+from demo_tool.ros_link import RosLink
+from demo_tool.station import Station
+
+FRAME = "camera_color_optical_frame"
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+class World:
+    """The other end of every topic, in a node of its own."""
+
+    def __init__(self) -> None:
+        self.table = FakeTable()
+        self.node = node = rclpy.create_node("cliport_policy")  # parameters are asked of this name
+        node.declare_parameter("require_approval", True)
+        sensor = qos_profile_sensor_data
+        self.color = node.create_publisher(Image, "/camera/color/image_raw", sensor)
+        self.depth = node.create_publisher(Image, "/camera/aligned_depth_to_color/image_raw", sensor)
+        self.info = node.create_publisher(CameraInfo, "/camera/color/camera_info", sensor)
+        self.tf = node.create_publisher(TFMessage, "/tf_static", LATCHED)
+        self.joints = node.create_publisher(JointState, "/joint_states", sensor)
+        self.beats = node.create_publisher(Empty, "/panda_executor/heartbeat", 10)
+        self.status = node.create_publisher(PolicyStatus, "/cliport/status", LATCHED)
+        self.poses = {
+            kind: node.create_publisher(PoseStamped, f"/cliport/{kind}_pose", 2) for kind in ("pick", "place")
+        }
+        node.create_subscription(String, "/cliport/instruction", self._on_instruction, 10)
+        self.heard: list[str] = []
+        self.called: list[str] = []
+        for name in ("/panda_executor/stop", "/cliport/stop", "/panda_executor/resume", "/cliport/resume"):
+            node.create_service(Trigger, name, lambda _, response, name=name: self._on_trigger(name, response))
+        self.goals: list[PickPlace.Goal] = []
+        self.hold = threading.Event()
+        self.hold.set()
+        self.server = self.start_executor()
+        node.create_timer(0.05, lambda: self.beats.publish(Empty()))
+        node.create_timer(0.1, self.publish)
+        link = TransformStamped(child_frame_id=FRAME)
+        link.header.frame_id = "panda_link0"
+        link.transform = shared.pose_to_transform_msg(self.table.camera_in_base)
+        self.tf.publish(TFMessage(transforms=[link]))
+
+    def start_executor(self) -> ThreadedActionServer:
+        return ThreadedActionServer(
+            self.node, PickPlace, "/panda_executor/pick_place", self._execute,
+            cancel_callback=lambda _: CancelResponse.ACCEPT,
+        )  # fmt: skip
+
+    def publish(self) -> None:
+        stamp = self.node.get_clock().now().to_msg()
+        view = self.table.live_view(0)
+        messages = (
+            (self.info, shared.camera_to_msg(view.camera)),
+            (self.color, shared.image_to_msg(view.color, "rgb8")),
+            (self.depth, shared.image_to_msg(view.depth_m, "32FC1")),
+            (self.joints, JointState(name=["panda_joint1"], position=[0.5])),
+            (self.joints, JointState(name=["panda_finger_joint1"], position=[0.04])),
+        )
+        for publisher, message in messages:
+            message.header.stamp, message.header.frame_id = stamp, FRAME
+            publisher.publish(message)
+
+    def _execute(self, handle) -> PickPlace.Result:
+        self.goals.append(handle.request)
+        for number, name in enumerate(("VALIDATING", "GO_ABOVE_PICK", "CARRY")):
+            handle.publish_feedback(PickPlace.Feedback(phase=number, phase_name=name, progress=number / 3))
+            while not self.hold.wait(0.02):
+                if handle.is_cancel_requested:
+                    handle.canceled()
+                    return PickPlace.Result(outcome=PickPlace.Result.OUTCOME_CANCELLED, message="the arm holds")
+        handle.succeed()
+        planned, done = PickPlace.Result.OUTCOME_PLANNED, PickPlace.Result.OUTCOME_SUCCEEDED
+        return PickPlace.Result(
+            outcome=planned if handle.request.plan_only else done, message="done", gripper_width=0.04
+        )
+
+    def _on_trigger(self, name: str, response: Trigger.Response) -> Trigger.Response:
+        self.called.append(name)
+        response.success = True
+        return response
+
+    def _on_instruction(self, message: String) -> None:
+        self.heard.append(message.data)
+        if not message.data:
+            self.status.publish(PolicyStatus(state=PolicyStatus.STATE_IDLE))
+            return
+        stamp = self.node.get_clock().now().to_msg()
+        for kind, pose in (("pick", PlanarPose(0.42, -0.12, 0.0)), ("place", PlanarPose(0.5, -0.28, 1.0))):
+            sent = PoseStamped(pose=shared.pose_to_msg(pose.as_pose()))
+            sent.header.stamp, sent.header.frame_id = stamp, "panda_link0"
+            self.poses[kind].publish(sent)
+        waiting = PolicyStatus.STATE_WAITING_FOR_APPROVAL
+        self.status.publish(PolicyStatus(state=waiting, instruction=message.data, message="waiting"))
+
+
+class Rig:
+    """A station on the real node, beside the world."""
+
+    def __init__(self, root) -> None:
+        self.root, self.world = root, World()
+        self.link = RosLink()
+        self.station = Station(self.link.config, self.link.arm, self.link.policy, root)
+        self.link.attach(self.station)
+
+    def do(self, command: str, /, **arguments) -> dict:
+        return self.station.command(command, arguments)
+
+    @property
+    def view(self) -> dict:
+        return self.station.view(None)
+
+    def until(self, condition: Callable[[dict], bool], timeout: float = 8.0) -> dict:
+        end = time.monotonic() + timeout
+        while time.monotonic() < end:
+            view = self.view
+            if condition(view):
+                return view
+            time.sleep(0.02)
+        raise AssertionError(f"still {self.view['state']}: {self.view['words']} {self.view['last']}")
+
+    def ready(self) -> dict:
+        return self.until(lambda view: view["state"] == "ready")
+
+    def draw(self) -> None:
+        table = self.world.table
+        self.do("pick", box=table.box_around(BLOCKS[0]), rotation=0)
+        self.do("place", box=table.box_at(0.5, -0.28), rotation=9)
+
+
+@pytest.fixture(scope="module")
+def rig(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Rig]:
+    rclpy.init(domain_id=next_domain())
+    made = Rig(tmp_path_factory.mktemp("sets"))
+    executors = [SingleThreadedExecutor(), SingleThreadedExecutor()]
+    for executor, node in zip(executors, (made.world.node, made.link)):
+        executor.add_node(node)
+    threads = [threading.Thread(target=executor.spin, daemon=True) for executor in executors]
+    for thread in threads:
+        thread.start()
+    made.ready()
+    made.until(lambda _: made.link.arm.fault() is None)
+    made.do("open_data_set", name="blocks")
+    made.do("instruction", text="put the red block aside")
+    yield made
+    made.world.hold.set()
+    made.station.close()
+    for executor in executors:
+        executor.shutdown(timeout_sec=2.0)
+    for thread in threads:
+        thread.join(timeout=2.0)
+    rclpy.try_shutdown()
+
+
+def test_a_step_goes_from_the_picture_through_the_executor_into_a_bag(rig: Rig) -> None:
+    rig.draw()
+    rig.do("preview")
+    rig.until(lambda view: view["plan"] is not None)
+    assert rig.world.goals[-1].plan_only and rig.view["plan"]["reachable"]
+    rig.do("execute")
+    rig.until(lambda view: view["state"] == "ready" and view["episode"] and view["episode"]["steps"])
+    goal = rig.world.goals[-1]
+    assert (
+        not goal.plan_only and goal.header.frame_id == "panda_link0" and goal.instruction == "put the red block aside"
+    )
+    rig.do("end_episode", success=True)
+    data_set = DataSet.open(rig.root / "blocks")
+    episode = data_set.episode(data_set.episodes()[0].name)
+    assert not episode.complaints and episode.final is not None and episode.success
+    (step,) = episode.steps
+    assert step.record.pick.x == pytest.approx(goal.pick.position.x) and step.record.gripper_width == 0.04
+    assert step.record.stamp_ns == shared.stamp_from_msg(goal.header.stamp)
+    observation = step.observation()
+    assert np.array_equal(observation.color, rig.world.table.live_view(0).color)
+    assert observation.camera_in_base.is_close(rig.world.table.camera_in_base, 1e-6)
+    joints = [decode(raw).name for raw in read_messages(step.path) if raw.topic == "/joint_states"]
+    assert sorted(joints) == [["panda_finger_joint1"], ["panda_joint1"]]  # from two publishers, both kept
+
+
+def test_stop_reaches_all_who_move(rig: Rig) -> None:
+    rig.world.hold.clear()
+    rig.draw()
+    rig.do("execute")
+    rig.until(lambda view: len(rig.world.goals) > 0 and view["phase"] == "checking the request")
+    began = time.monotonic()
+    rig.do("stop")
+    assert time.monotonic() - began < 0.05 and rig.view["state"] == "stopped"
+    rig.until(lambda _: {"/panda_executor/stop", "/cliport/stop"} <= set(rig.world.called))
+    rig.until(lambda view: "still" not in view["words"])
+    assert "nothing was recorded; stopped on the way: the arm holds" in rig.view["last"]["words"]
+    with pytest.raises(StationError, match="resume first"):
+        rig.do("execute")
+    rig.world.hold.set()
+    rig.do("resume")
+    rig.until(lambda _: {"/panda_executor/resume", "/cliport/resume"} <= set(rig.world.called))
+    rig.ready()
+
+
+def test_a_proposal_is_fetched_and_dropped(rig: Rig) -> None:
+    rig.do("propose")
+    proposal = rig.until(lambda view: view["policy"]["proposal"])["policy"]["proposal"]
+    assert (proposal["pick_rotation"], proposal["place_rotation"]) == (0, 6)
+    rig.until(lambda _: rig.world.heard == ["put the red block aside", ""])
+    rig.do("correct")
+    assert rig.view["draft"]["source"] == "proposed"
+    rig.world.node.set_parameters([rclpy.parameter.Parameter("require_approval", value=False)])
+    rig.do("propose")
+    rig.until(lambda view: "without asking" in view["last"]["words"])
+    assert len(rig.world.heard) == 2
+
+
+def test_pictures_come_to_those_who_ask(rig: Rig) -> None:
+    first = rig.station.picture("color", 0, 2.0)
+    assert first is not None and first.pixels.shape == (270, 480, 3)
+    then = rig.station.picture("color", first.sequence, 2.0)
+    assert then is not None and then.stamp_ns > first.stamp_ns
+
+
+def test_an_executor_that_dies_on_the_way(rig: Rig) -> None:
+    rig.world.hold.clear()
+    rig.draw()
+    rig.do("execute")
+    rig.until(lambda view: view["phase"] == "checking the request")
+    rig.world.beats.publish = lambda _: None
+    words = rig.until(lambda view: view["state"] == "failed")["last"]["words"]
+    assert "the arm was lost: the executor gives no sign of life" in words
+    with pytest.raises(StationError, match="no sign of life"):
+        rig.do("execute")
+
+
+def test_goals_and_results_keep_their_meaning() -> None:
+    result = PickPlace.Result(outcome=5, message=" two\nlines ", gripper_width=0.01)
+    assert conversions.result_from_msg(result, False) == ArmResult(Outcome.GRASP_MISSED, "two lines", None, 0.01)
+    result.grasp_centroid.x = 0.4
+    assert conversions.result_from_msg(result, True).grasp_centroid == (0.4, 0.0, 0.0)
+    assert conversions.result_from_msg(PickPlace.Result(), False).outcome is Outcome.EXECUTION_FAILED
+    assert conversions.result_from_msg(PickPlace.Result(outcome=99), True).outcome is Outcome.EXECUTION_FAILED
+
+
+def test_headers_are_read_without_the_rest() -> None:
+    message = Image(height=1, width=1, encoding="rgb8", step=3, data=[1, 2, 3])
+    message.header.stamp, message.header.frame_id = shared.stamp_to_msg(12_000_000_034), FRAME
+    raw = serialize_message(message)
+    assert conversions.header_of_raw(raw) == (12_000_000_034, FRAME)
+    assert conversions.color_from_raw(raw).tolist() == [[[1, 2, 3]]]
+    with pytest.raises(shared.ImageError, match="no header"):
+        conversions.header_of_raw(raw[:10])

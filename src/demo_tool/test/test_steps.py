@@ -1,0 +1,266 @@
+"""From a draft to a recorded step, and what becomes of an episode."""
+
+import signal
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from cliport_episodes.data_set import DataSet
+from cliport_episodes.demonstration import Source
+from cliport_episodes.errors import DiskFullError
+from cliport_episodes.writer import EpisodeWriter
+from cliport_perception.primitive import Primitive
+from demo_tool.fakes import BLOCKS
+from demo_tool.ports import ArmResult, Outcome
+
+
+def episode_of(bench, number: int = -1):
+    data_set = DataSet.open(bench.root / "blocks")
+    return data_set.episode(data_set.episodes()[number].name)
+
+
+def test_two_steps_are_executed_recorded_and_read_back(bench) -> None:
+    bench.begin()
+    for block, to in ((BLOCKS[0], (0.5, -0.28)), (BLOCKS[1], (0.34, 0.25))):
+        bench.draw(block, to, rotation=9)
+        bench.do("execute")
+        assert bench.view["last"] == {"ok": True, "words": "recorded; succeeded: done"}
+        assert bench.view["draft"]["pick"] is None
+    assert [step["outcome"] for step in bench.steps] == ["succeeded", "succeeded"]
+    assert "before the arm came to rest" in bench.refused("end_episode", success=True)
+    bench.rest()
+    bench.do("end_episode", success=True)
+    assert bench.view["episode"] is None
+    episode = episode_of(bench)
+    assert episode.success is True and episode.finished and episode.final is not None and not episode.complaints
+    assert len(episode.steps) == 2
+    first = episode.steps[0].record
+    assert first.source is Source.CLICKED and first.executed and first.outcome == Outcome.SUCCEEDED
+    assert first.pick.x == pytest.approx(BLOCKS[0].x, abs=0.01) and first.pick.yaw == pytest.approx(np.pi / 2)
+    assert (first.pick_rotation, first.n_rotations) == (9, 36)
+    assert first.instruction == "put the red block aside" and first.primitive is Primitive.PICK_PLACE
+    box = first.pick_box
+    assert [box.top, box.left, box.bottom, box.right] == bench.table.box_around(BLOCKS[0])
+    goal = bench.arm.goals[0]
+    assert goal.stamp_ns == first.stamp_ns
+    for asked, kept in ((goal.pick, first.pick), (goal.place, first.place)):
+        assert (asked.x, asked.y, asked.yaw) == pytest.approx((kept.x, kept.y, kept.yaw))
+    assert not goal.plan_only and goal.instruction == first.instruction
+
+
+def test_the_observation_is_the_one_from_before_the_motion(bench) -> None:
+    bench.begin()
+    bench.draw()
+    before = bench.station.picture("color", 0, 0.0)
+
+    def carried(goal) -> None:
+        bench.table.move(goal.pick, goal.place)
+        bench.now += 5.0
+        bench.see()  # pictures come while the arm moves
+
+    bench.arm.on_success = carried
+    bench.do("execute")
+    observation = episode_of(bench).steps[0].observation()
+    assert observation.stamp_ns == before.stamp_ns and np.array_equal(observation.color, before.pixels)
+    assert bench.state == "stale" and "before the arm came to rest" in bench.view["words"]
+    assert "before the arm came to rest" in bench.refused("pick", box=[0, 0, 9, 9], rotation=0)
+    now = bench.station.picture("color", before.sequence, 0.0)
+    assert now is not None and not np.array_equal(now.pixels, before.pixels)
+
+
+@pytest.mark.parametrize(
+    ("outcome", "words"),
+    [
+        (Outcome.GRASP_MISSED, "the fingers closed on nothing"),
+        (Outcome.DROPPED, "the object was lost on the way"),
+        (Outcome.EXECUTION_FAILED, "failed on the way"),
+    ],
+)
+def test_a_failed_grasp_is_recorded_and_said(bench, outcome, words) -> None:
+    bench.arm.result = ArmResult(outcome, "so it went")
+    bench.begin()
+    bench.draw()
+    bench.do("execute")
+    assert bench.state == "failed" and words in bench.last and "Undo" in bench.last
+    assert bench.steps[0]["outcome"] == words
+    record = episode_of(bench).steps[0].record
+    assert record.executed and record.outcome == outcome and record.message == "so it went"
+    bench.rest()
+    bench.do("instruction", text="again")
+    assert bench.state == "ready"
+
+
+@pytest.mark.parametrize("outcome", [Outcome.REJECTED, Outcome.PLANNING_FAILED])
+def test_where_nothing_moved_nothing_is_recorded(bench, outcome) -> None:
+    bench.arm.result = ArmResult(outcome, "the hand cannot reach")
+    bench.begin()
+    bench.draw()
+    bench.do("execute")
+    assert bench.state == "failed" and "nothing was recorded" in bench.last and "cannot reach" in bench.last
+    assert bench.steps == [] and bench.view["draft"]["pick"] is not None
+
+
+def test_a_preview_says_whether_the_arm_could(bench) -> None:
+    bench.begin()
+    bench.draw()
+    bench.do("preview")
+    assert bench.arm.goals[-1].plan_only
+    assert bench.view["plan"] == {"reachable": True, "words": "a way was found"} and bench.state == "ready"
+    bench.draw(BLOCKS[1])
+    assert bench.view["plan"] is None
+    bench.arm.result = ArmResult(Outcome.PLANNING_FAILED, "out of reach")
+    bench.do("preview")
+    assert bench.view["plan"] == {"reachable": False, "words": "out of reach"} and bench.state == "failed"
+    assert bench.steps == []
+
+
+def test_recording_only_moves_nothing(bench) -> None:
+    bench.begin()
+    bench.do("primitive", name="fold")
+    bench.draw()
+    bench.do("record")
+    assert bench.arm.goals == [] and bench.steps[0]["outcome"] == "recorded without moving"
+    record = episode_of(bench).steps[0].record
+    assert not record.executed and record.primitive is Primitive.FOLD
+
+
+def test_undo_drops_the_last_step_and_says_that_the_arm_stays(bench) -> None:
+    bench.begin()
+    for _ in range(2):
+        bench.draw()
+        bench.do("record")
+    assert "the arm does not go back" in bench.do("undo")["words"]
+    assert len(bench.steps) == 1 == len(episode_of(bench).steps)
+    bench.do("undo")
+    assert "no step to undo" in bench.refused("undo")
+    assert "no steps" in bench.refused("end_episode", success=True)
+    bench.do("discard_episode")
+    assert bench.view["episode"] is None and bench.do("episodes") == {"episodes": []}
+
+
+def test_marks(bench) -> None:
+    bench.begin()
+    bench.draw()
+    bench.do("record")
+    bench.do("mark", success=False)
+    name = bench.view["episode"]["name"]
+    bench.do("end_episode")
+    assert episode_of(bench).success is False
+    bench.do("mark", success=True)
+    assert episode_of(bench).success is True
+    bench.do("mark", success=None, episode=name)
+    assert episode_of(bench).success is None
+
+
+KILLED = """
+import os, signal, sys
+from pathlib import Path
+from cliport_perception.pose import PlanarPose
+from demo_tool.fakes import BLOCKS, FakeArm, FakePolicy, FakeTable
+from demo_tool.station import Station
+from demo_tool.station_config import StationConfig
+
+table, pose = FakeTable(), PlanarPose(0.42, -0.12, 0.0)
+station = Station(StationConfig(), FakeArm(), FakePolicy(pose, pose), Path(sys.argv[1]), run=lambda job: job())
+station.on_camera(table.live_view(10**9))
+for name, arguments in (
+    ("open_data_set", {"name": "blocks"}),
+    ("instruction", {"text": "put the red block aside"}),
+    ("pick", {"box": table.box_around(BLOCKS[0]), "rotation": 0}),
+    ("place", {"box": table.box_at(0.5, -0.28), "rotation": 0}),
+    ("execute", {}),
+):
+    station.command(name, arguments)
+print(station.view(None)["episode"]["name"], flush=True)
+os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+def test_a_station_goes_on_with_the_episode_of_one_that_was_killed(bench) -> None:
+    killed = subprocess.run([sys.executable, "-c", KILLED, str(bench.root)], capture_output=True, text=True)
+    assert killed.returncode == -signal.SIGKILL, killed.stderr
+    bench.see()
+    assert "goes on after 1 steps" in bench.do("open_data_set", name="blocks")["words"]
+    assert bench.view["episode"]["name"] == killed.stdout.strip() and len(bench.steps) == 1
+    assert bench.view["history"] == ["put the red block aside"]
+    bench.do("instruction", text="and now the blue one")
+    bench.draw(BLOCKS[1])
+    bench.do("execute")
+    bench.rest()
+    bench.do("end_episode", success=True)
+    texts = [step.record.instruction for step in episode_of(bench).steps]
+    assert texts == ["put the red block aside", "and now the blue one"]
+
+
+def test_two_stations_do_not_write_one_episode(bench, make_bench) -> None:
+    bench.begin()
+    bench.draw()
+    bench.do("record")
+    other = make_bench()
+    other.see()
+    assert "cannot go on" in other.do("open_data_set", name="blocks")["words"]
+    assert other.view["episode"] is None
+    bench.station.close()
+    assert "goes on after 1 steps" in other.do("open_data_set", name="blocks")["words"]
+
+
+def test_a_disk_that_fills_up_during_the_motion(bench, monkeypatch) -> None:
+    bench.begin()
+    bench.draw()
+    bench.do("execute")
+
+    def full(*_):
+        raise DiskFullError(bench.root, "no space is left", "Make room.")
+
+    monkeypatch.setattr(EpisodeWriter, "add_step", full)
+    bench.draw(BLOCKS[1])
+    bench.do("execute")
+    assert bench.state == "failed" and "the arm moved" in bench.last and "was not recorded" in bench.last
+    assert "no space is left" in bench.last and len(bench.steps) == 1
+    monkeypatch.undo()
+    bench.rest()
+    bench.do("record")  # the draft is still there
+    assert len(bench.steps) == 2
+
+
+def test_a_step_is_recorded_once_whatever_the_arm_says(held) -> None:
+    held.begin()
+    held.draw()
+    held.do("execute")
+    on_phase, on_end = held.arm.on_phase, held.arm.on_end
+    on_phase("CARRY", 0.6)
+    assert held.state == "executing" and held.view["progress"] == 0.6 and held.view["phase"] == "carrying"
+    for _ in range(3):
+        on_end(ArmResult(Outcome.SUCCEEDED, "done"))
+        on_phase("RETREAT", 0.9)
+    held.rest()
+    assert len(held.steps) == 1 and held.state == "ready"
+
+
+def test_editing(bench) -> None:
+    bench.begin()
+    for _ in range(3):
+        bench.draw()
+        bench.do("record")
+    bench.do("end_episode", success=True)
+    (info,) = bench.do("episodes")["episodes"]
+    assert info["n_steps"] == 3 and info["success"] is True and info["finished"]
+    name = info["name"]
+    bench.do("relabel", name=name, text="clear the table", step=1)
+    bench.do("trim", name=name, first=1, last=2)
+    episode = bench.do("episode", name=name)
+    assert [step["instruction"] for step in episode["steps"]] == ["clear the table", "put the red block aside"]
+    assert bench.station.episode_picture(name, 1).shape == (270, 480, 3)
+    assert bench.station.episode_picture(name, 1, "blocks").shape == (270, 480, 3)
+    assert bench.do("statistics")["statistics"]["n_steps"] == 2
+    assert bench.station.statistics_picture().startswith(b"\x89PNG")
+    bench.do("delete", name=name)
+    assert bench.do("trash") == {"trashed": [name]} and bench.do("episodes") == {"episodes": []}
+    bench.do("restore", name=name)
+    bench.do("delete", name=name)
+    bench.do("empty_trash")
+    assert bench.do("trash") == {"trashed": []}
+    assert "no episode" in bench.refused("relabel", name=name, text="x")
+    assert "name" in bench.refused("delete", name="../blocks")
