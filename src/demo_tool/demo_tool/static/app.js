@@ -1,0 +1,137 @@
+// The page: joins the connection, the picture, the panel and the episodes.
+
+import { Connection } from "./connection.js";
+import { Episodes } from "./episodes.js";
+import { LivePicture } from "./live.js";
+import { byId, press, say } from "./page.js";
+import { Panel } from "./panel.js";
+import { Stage } from "./stage.js";
+import { setUpStopping } from "./stopping.js";
+
+const STATES = {
+  connecting: ["…", "Connecting"],
+  waiting_for_camera: ["…", "Waiting for the camera"],
+  stale: ["!", "Old picture"],
+  ready: ["●", "Ready"],
+  planning: ["◌", "Planning"],
+  executing: ["▶", "The arm moves"],
+  recording: ["◉", "Recording"],
+  proposing: ["◌", "The policy looks"],
+  failed: ["✗", "Failed"],
+  stopped: ["■", "Stopped"],
+};
+const SIDE_WORDS = {
+  heightmap: "The table from above, as someone behind the robot sees it.",
+  pick_affordance: "Where the policy would pick, seen from behind the robot.",
+  place_affordance: "Where the policy would place, seen from behind the robot.",
+};
+const SAID_TWICE = /^(?:Ready|Planning|Executing|Recording|Proposing|Stopped): (.)/;
+const CLOCKS_APART_MS = 60000; // the camera's stamps are then of another clock, as in a simulation
+
+const connection = new Connection();
+const tell = (error) => panel.answer(false, error.message);
+const call = (command, args) => connection.call(command, args);
+const stage = new Stage(byId("overlay"), (end, { box, rotation }) => call(end, { box, rotation }).catch(tell));
+const panel = new Panel(call, stage);
+const episodes = new Episodes(call);
+
+function showState({ state, words }) {
+  const [sign, name] = STATES[state] ?? ["?", state];
+  byId("state").dataset.state = state;
+  say(byId("state-name"), `${sign} ${name}`);
+  say(byId("state-words"), words.replace(SAID_TWICE, (_, first) => first.toUpperCase()));
+  document.title = `${sign} ${name} – Demonstrate`;
+}
+
+function showHolder({ holder, may_take_over: mayTakeOver, pages }) {
+  byId("watching").hidden = holder === "me";
+  byId("take-over").hidden = !mayTakeOver;
+  byId("give-up").hidden = !(holder === "me" && pages > 1);
+  say(byId("watching-words"), holder === "other"
+    ? `This page watches: another page holds the arm.${mayTakeOver ? " It is away." : " It can hand it on."} STOP works here too.`
+    : "No page holds the arm.");
+}
+
+function showConnection(open) {
+  byId("lost").hidden = open;
+  document.body.classList.toggle("offline", !open);
+}
+
+function show(view) {
+  showState(view);
+  showHolder(view);
+  byId("stopped").hidden = view.state !== "stopped";
+  byId("resume").disabled = view.holder !== "me";
+  byId("no-picture").hidden = view.camera.age_ms !== null;
+  byId("stage").style.aspectRatio = `${view.camera.width || 16} / ${view.camera.height || 9}`;
+  byId("stage").classList.toggle("empty", view.camera.age_ms === null);
+  const name = view.data_set ? `Data set ${view.data_set}` : "No data set";
+  say(byId("where"), view.episode ? `${name} · episode ${view.episode.name}` : name);
+  stage.enabled = connection.open && view.holder === "me" && !["planning", "executing", "recording", "proposing"].includes(view.state);
+  stage.take(view.draft, view.camera, view.n_rotations);
+  panel.show(view, connection.open);
+  episodes.show(view, connection.open);
+}
+
+connection.addEventListener("view", () => show(connection.view));
+connection.addEventListener("open", () => showConnection(true));
+connection.addEventListener("lost", () => {
+  showConnection(false);
+  showState({ state: "connecting", words: "The connection to the server is lost." });
+  stage.enabled = false;
+  panel.disable();
+});
+
+// pictures
+
+const live = new LivePicture(byId("live"), ({ ageMs, perSecond, width }) => {
+  const age = Math.abs(ageMs) < CLOCKS_APART_MS ? `${Math.max(0, Math.round(ageMs))} ms old, ` : "";
+  say(byId("live-words"), `Picture ${age}${perSecond.toFixed(0)} a second, ${width} pixels wide.`);
+  window.dispatchEvent(new CustomEvent("livepicture", { detail: { ageMs } }));
+});
+const side = new LivePicture(byId("side"), () => {
+  byId("side").hidden = false;
+  say(byId("side-words"), SIDE_WORDS[chosenSide]);
+});
+let chosenSide = "";
+
+function chooseSide(name) {
+  chosenSide = name;
+  for (const button of byId("side-choice").children) press(button, button.dataset.picture === name);
+  byId("side").hidden = true;
+  byId("side").setAttribute("aria-label", SIDE_WORDS[name] ?? "");
+  byId("side-figure").hidden = !name;
+  say(byId("side-words"), name ? "Nothing has come of this yet." : "");
+  side.show(name);
+}
+
+for (const button of byId("side-choice").children) {
+  button.addEventListener("click", () => chooseSide(button.dataset.picture));
+}
+
+// parts of the page
+
+function open(part) {
+  byId("record").hidden = part !== "record";
+  byId("episodes").hidden = part !== "episodes";
+  for (const name of ["record", "episodes"]) {
+    byId(`tab-${name}`).setAttribute("aria-current", name === part ? "page" : "false");
+  }
+  live.show(part === "record" ? "color" : "");
+  side.show(part === "record" ? chosenSide : "");
+  if (part === "episodes") episodes.refresh();
+}
+
+byId("tab-record").addEventListener("click", () => open("record"));
+byId("tab-episodes").addEventListener("click", () => open("episodes"));
+byId("resume").addEventListener("click", () => call("resume").catch(tell));
+byId("take-over").addEventListener("click", () => call("take_over").catch(tell));
+byId("give-up").addEventListener("click", () => call("give_up").catch(tell));
+episodes.addEventListener("another-data-set", () => {
+  open("record");
+  panel.askDataSet();
+});
+setUpStopping(() => connection.stop().catch(tell));
+
+open("record");
+connection.connect();

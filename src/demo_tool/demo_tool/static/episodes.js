@@ -1,0 +1,132 @@
+// The episodes of the open data set: list, look through, relabel, mark, trim, trash; and what the data set lacks.
+
+import { EpisodeView } from "./episode.js";
+import { askFirst, byId, element, say } from "./page.js";
+import { statisticsParts } from "./statistics.js";
+
+const RESULTS = new Map([[true, "✓ success"], [false, "✗ failure"], [null, "not marked"]]);
+const NAME = /^(\d{4})(\d\d)(\d\d)-(\d\d)(\d\d)/;
+
+/** "21 Nov 13:15" for an episode's name, where it is one that the recorder gave. */
+function when(name) {
+  const found = NAME.exec(name);
+  if (!found) return name;
+  const [year, month, day, hour, minute] = found.slice(1).map(Number);
+  const date = new Date(year, month - 1, day, hour, minute);
+  return date.toLocaleString(undefined, { day: "numeric", month: "short", hour: "2-digit", minute: "2-digit" });
+}
+
+export class Episodes extends EventTarget {
+  #call;
+  #one;
+  #dataSet = null;
+  #mine = false;
+  #shown = false;
+
+  constructor(call) {
+    super();
+    this.#call = call;
+    this.#one = new EpisodeView(byId("one-episode"), (command, args) => this.#edit(command, args));
+    byId("episodes-refresh").addEventListener("click", () => this.refresh());
+    byId("data-set-other").addEventListener("click", () => this.dispatchEvent(new Event("another-data-set")));
+    byId("count").addEventListener("click", () => this.#count());
+    askFirst(byId("empty-trash"), "Delete for good: sure?", () => this.#edit("empty_trash"));
+  }
+
+  show(view, open) {
+    const mine = open && view.holder === "me";
+    if (mine !== this.#mine) {
+      this.#mine = mine;
+      document.body.classList.toggle("may-edit", mine);
+      this.#allow();
+    }
+    if (view.data_set !== this.#dataSet) {
+      this.#dataSet = view.data_set;
+      this.#one.close();
+      byId("statistics").replaceChildren();
+      if (this.#shown) this.refresh();
+    }
+  }
+
+  async refresh() {
+    this.#shown = true;
+    say(byId("episodes-title"), this.#dataSet ? `Episodes of ${this.#dataSet}` : "Episodes");
+    try {
+      const [{ episodes }, { trashed }] = await Promise.all([this.#call("episodes"), this.#call("trash")]);
+      this.#list(episodes);
+      this.#listTrash(trashed);
+      this.#allow();
+    } catch (error) {
+      this.#say(false, error.message);
+    }
+  }
+
+  #list(episodes) {
+    const rows = episodes.map((info) => {
+      const open = element("button", { type: "button", "aria-label": `Open episode ${info.name}` }, "Open");
+      open.addEventListener("click", () => this.#open(info.name));
+      const notes = [info.finished ? "" : "not finished", ...info.complaints].filter(Boolean).join("; ");
+      return element("tr", {},
+        element("th", { scope: "row", title: info.name }, when(info.name), notes ? element("small", {}, notes) : ""),
+        element("td", {}, info.instructions.join(" · ") || "–"),
+        element("td", {}, String(info.n_steps)),
+        element("td", {}, RESULTS.get(info.success) ?? "not marked"),
+        element("td", {}, open));
+    });
+    const none = element("tr", {}, element("td", { colSpan: 5 }, "No episode yet."));
+    byId("episode-table").tBodies[0].replaceChildren(...(rows.length ? rows.reverse() : [none]));
+  }
+
+  #listTrash(names) {
+    byId("trash").replaceChildren(...names.map((name) => {
+      const restore = element("button", { type: "button", className: "edits", "aria-label": `Restore episode ${name}` }, "Restore");
+      restore.addEventListener("click", () => this.#edit("restore", { name }));
+      return element("li", {}, `${when(name)} `, restore);
+    }));
+    if (!names.length) byId("trash").replaceChildren(element("li", {}, "The trash is empty."));
+    byId("empty-trash").hidden = !names.length;
+  }
+
+  /** Only the page that holds the arm edits. */
+  #allow() {
+    byId("empty-trash").disabled = !this.#mine;
+    byId("data-set-other").disabled = !this.#mine;
+    for (const button of document.querySelectorAll("#episodes .edits")) button.disabled = !this.#mine;
+  }
+
+  async #open(name) {
+    try {
+      this.#one.open(await this.#call("episode", { name }), this.#dataSet);
+      this.#allow();
+    } catch (error) {
+      this.#say(false, error.message);
+    }
+  }
+
+  async #edit(command, args = {}) {
+    try {
+      const answer = await this.#call(command, args);
+      this.#say(true, answer?.words ?? "Done.");
+      await this.refresh();
+      if (command === "delete") this.#one.close();
+      else if (this.#one.name && args.name === this.#one.name) await this.#open(args.name);
+    } catch (error) {
+      this.#say(false, error.message);
+    }
+  }
+
+  async #count() {
+    try {
+      const { statistics } = await this.#call("statistics");
+      const address = `/statistics.png?at=${Date.now()}`;
+      byId("statistics").replaceChildren(...statisticsParts(statistics, address));
+    } catch (error) {
+      this.#say(false, error.message);
+    }
+  }
+
+  #say(ok, words) {
+    byId("episodes-answer").dataset.ok = ok;
+    say(byId("episodes-answer"), ok ? words : `✗ ${words}`);
+  }
+}

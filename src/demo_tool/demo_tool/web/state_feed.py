@@ -1,0 +1,63 @@
+"""The station's view, watched once for all pages that are open."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator, Mapping
+from contextlib import asynccontextmanager
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import anyio
+from anyio.to_thread import run_sync
+
+if TYPE_CHECKING:
+    from demo_tool.station import Station
+
+HEARTBEAT_S = 1.0
+_MIN_PERIOD_S = 1.0 / 15.0
+
+
+class StateFeed:
+    """Keeps the newest view and wakes those who wait for it, at most 15 times a second and at least every second."""
+
+    def __init__(self, station: Station) -> None:
+        self._station = station
+        self._waiting: asyncio.Event = asyncio.Event()
+        self._waits, self._looks = anyio.CapacityLimiter(1), anyio.CapacityLimiter(1)  # one look after the other
+        self.view: Mapping[str, Any] = {}
+
+    @asynccontextmanager
+    async def running(self) -> AsyncIterator[None]:
+        """Watch the station for as long as the context lasts."""
+        self.view = self._station.view(None)
+        watch = asyncio.create_task(self._watch())
+        try:
+            yield
+        finally:
+            watch.cancel()
+            self.wake()
+
+    async def next(self) -> Mapping[str, Any]:
+        """The view, when something has changed or a second has passed."""
+        await self._waiting.wait()
+        return self.view
+
+    async def refresh(self) -> Mapping[str, Any]:
+        """The view as it is now, told to all who wait."""
+        self.view = await run_sync(self._station.view, None, abandon_on_cancel=True, limiter=self._looks)
+        self.wake()
+        return self.view
+
+    def wake(self) -> None:
+        """Wake all who wait: something beside the station has changed."""
+        self._waiting.set()
+        self._waiting = asyncio.Event()
+
+    async def _watch(self) -> None:
+        seen = 0
+        while True:
+            changed = partial(self._station.wait_change, seen, HEARTBEAT_S)
+            seen = await run_sync(changed, abandon_on_cancel=True, limiter=self._waits)
+            await self.refresh()
+            await asyncio.sleep(_MIN_PERIOD_S)

@@ -1,0 +1,130 @@
+"""Pictures by long poll, as large as the link allows."""
+
+import http.client
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from demo_tool.web.jpeg import LEVELS, START_LEVEL, JpegCache, encode, next_level
+
+sys.path.insert(0, str(Path(__file__).parent))
+from web_workplace import DATA_SET, Workplace, workplace
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Workplace]:
+    with workplace(tmp_path_factory.mktemp("pictures")) as made:
+        yield made
+
+
+def get(place: Workplace, path: str) -> tuple[int, http.client.HTTPMessage, bytes]:
+    connection = http.client.HTTPConnection("127.0.0.1", place.port, timeout=10)
+    connection.request("GET", path)
+    answer = connection.getresponse()
+    body = answer.read()
+    connection.close()
+    return answer.status, answer.headers, body
+
+
+def size_of(file: bytes) -> tuple[int, ...]:
+    return cv2.imdecode(np.frombuffer(file, np.uint8), cv2.IMREAD_COLOR).shape
+
+
+def test_each_answer_is_the_next_picture(place: Workplace) -> None:
+    after, stamps = 0, []
+    for _ in range(3):
+        status, headers, file = get(place, f"/picture/color.jpg?after={after}")
+        assert status == 200 and headers["Content-Type"] == "image/jpeg"
+        assert int(headers["X-Sequence"]) > after
+        after = int(headers["X-Sequence"])
+        stamps.append(int(headers["X-Stamp-Ns"]))
+    assert stamps == sorted(set(stamps))
+    assert abs(time.time_ns() - stamps[-1]) < 1e9
+    assert size_of(file) == (270, 480, 3)
+
+
+def test_colours_arrive_as_they_are() -> None:
+    red = np.full((40, 40, 3), (200, 30, 30), np.uint8)
+    decoded = cv2.imdecode(np.frombuffer(encode(red, LEVELS[-1], 4000), np.uint8), cv2.IMREAD_COLOR)
+    assert np.abs(decoded[20, 20].astype(int) - (30, 30, 200)).max() < 6  # BGR
+
+
+def test_answers_do_not_wait_for_acknowledgements(place: Workplace) -> None:
+    connection = http.client.HTTPConnection("127.0.0.1", place.port, timeout=5)
+    bodies = []
+    for _ in range(9):  # header and body are two writes: with Nagle's algorithm the body comes 40 ms later
+        connection.request("GET", "/static/app.js")
+        answer = connection.getresponse()
+        began = time.monotonic()
+        answer.read()
+        bodies.append(time.monotonic() - began)
+    connection.close()
+    assert sorted(bodies)[4] < 0.02
+
+
+def test_a_small_page_gets_small_pictures(place: Workplace) -> None:
+    assert size_of(get(place, "/picture/color.jpg?width=200")[2]) == (112, 200, 3)
+
+
+def test_a_slow_link_gets_less_until_it_suffices(place: Workplace) -> None:
+    level, sizes = START_LEVEL, []
+    for _ in range(5):
+        _, headers, file = get(place, f"/picture/color.jpg?level={level}&took=900")
+        level = int(headers["X-Level"])
+        sizes.append(len(file))
+    assert level == 0 and sizes[-1] < 0.7 * sizes[0]
+    assert [next_level(level, 100.0) for level in range(len(LEVELS))] == list(range(len(LEVELS)))
+    for _ in range(10):
+        level = next_level(level, 5.0)
+    assert level == len(LEVELS) - 1
+
+
+def test_what_does_not_come_is_not_waited_for_for_ever(place: Workplace) -> None:
+    began = time.monotonic()
+    assert get(place, "/picture/heightmap.jpg")[0] == 204
+    assert 1.0 < time.monotonic() - began < 6.0
+
+
+@pytest.mark.parametrize("query", ["after=-1", "after=x", "width=99999", "level=9", "took=1e9", "after=" + "9" * 40])
+def test_odd_questions_are_refused(place: Workplace, query: str) -> None:
+    status, _, text = get(place, f"/picture/color.jpg?{query}")
+    assert status == 400 and b"whole number" in text
+
+
+def test_pages_that_leave_give_their_threads_back(place: Workplace) -> None:
+    def threads() -> int:
+        return sum("AnyIO" in thread.name for thread in threading.enumerate())
+
+    for _ in range(60):
+        connection = http.client.HTTPConnection("127.0.0.1", place.port, timeout=5)
+        connection.request("GET", "/picture/heightmap.jpg")
+        connection.close()
+    time.sleep(1.0)
+    assert threads() < 40
+    assert get(place, "/picture/color.jpg")[0] == 200
+
+
+def test_several_pages_cost_one_encoding() -> None:
+    picture = np.zeros((50, 50, 3), np.uint8)
+    cache = JpegCache()
+    first = cache.file("color", 1, picture, LEVELS[0], 50)
+    assert cache.file("color", 1, picture, LEVELS[0], 50) is first
+    assert cache.file("color", 2, picture, LEVELS[0], 50) is not first
+
+
+def test_recorded_steps_are_shown(place: Workplace) -> None:
+    place.draw("pick", place.table.box_around(place.table.blocks[0]))
+    place.draw("place", place.table.box_at(0.5, -0.05))
+    place.station.command("record", {})
+    place.wait_for("ready")
+    name = place.station.view(None)["episode"]["name"]
+    status, _, file = get(place, f"/episode/{DATA_SET}/{name}/0.jpg")
+    assert status == 200 and size_of(file) == (270, 480, 3)
+    assert get(place, f"/episode/{DATA_SET}/{name}/1.jpg")[0] == 404
+    assert get(place, "/statistics.png")[1]["Content-Type"] == "image/png"

@@ -1,0 +1,93 @@
+"""What goes over the websocket."""
+
+import json
+import sys
+import threading
+import time
+from pathlib import Path
+
+import psutil
+import pytest
+from websockets.sync.client import ClientConnection, connect
+
+sys.path.insert(0, str(Path(__file__).parent))
+from web_workplace import Workplace, workplace
+
+
+def opened(place: Workplace, name: str = "only-page") -> ClientConnection:
+    return connect(f"ws://127.0.0.1:{place.port}/session?page={name}", origin=place.url)  # type: ignore[arg-type]
+
+
+def send(page: ClientConnection, number: int, command: str, **arguments: object) -> None:
+    page.send(json.dumps({"id": number, "command": command, "arguments": arguments}))
+
+
+def messages_for(page: ClientConnection, seconds: float) -> list[dict]:
+    end, found = time.monotonic() + seconds, []
+    while (left := end - time.monotonic()) > 0:
+        try:
+            found.append(json.loads(page.recv(timeout=left)))
+        except TimeoutError:
+            break
+    return found
+
+
+def test_the_whole_state_first_then_what_changes(tmp_path: Path) -> None:
+    with workplace(tmp_path) as place, opened(place) as page:
+        whole = json.loads(page.recv(timeout=5))["view"]
+        assert {"state", "words", "draft", "camera", "holder", "episode", "policy"} <= set(whole)
+        news = messages_for(page, 2.5)
+        assert 2 <= len(news) <= 40  # a sign of life each second, never more than 15 a second
+        assert all(len(json.dumps(message)) < 400 for message in news)  # nothing is drawn, so no drafts go over
+        send(page, 1, "pick", box=place.table.box_around(place.table.blocks[0]), rotation=3)
+        drafts = [m["view"]["draft"] for m in messages_for(page, 0.7) if "draft" in m.get("view", {})]
+        assert drafts[-1]["pick"]["rotation"] == 3
+
+
+def test_a_stop_overtakes_what_takes_long(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with workplace(tmp_path) as place, opened(place) as page:
+        blocked = threading.Event()
+        original = place.station.command
+
+        def slow(name: str, arguments: dict) -> dict:
+            if name == "statistics":
+                blocked.wait(5)
+            return original(name, arguments)
+
+        monkeypatch.setattr(place.station, "command", slow)
+        for number in range(8):
+            send(page, number, "statistics")
+        began = time.monotonic()
+        send(page, 99, "stop")
+        while json.loads(page.recv(timeout=5)).get("id") != 99:
+            pass
+        assert time.monotonic() - began < 1.0 and place.arm.stopped
+        blocked.set()
+
+
+def test_a_defect_is_answered_and_leaves_the_session_alive(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with workplace(tmp_path) as place, opened(place) as page:
+        original = place.station.command
+        broken = lambda name, arguments: 1 / 0 if name == "clear" else original(name, arguments)  # noqa: E731
+        monkeypatch.setattr(place.station, "command", broken)
+        send(page, 1, "clear")
+        send(page, 2, "primitive", name="sweep")
+        answers = {m["id"]: m for m in messages_for(page, 0.6) if "id" in m}
+        assert not answers[1]["ok"] and "ZeroDivision" not in answers[1]["error"]
+        assert answers[2]["ok"]
+
+
+def test_loads_and_dropped_connections_leave_memory_flat(tmp_path: Path) -> None:
+    with workplace(tmp_path) as place:
+        process = psutil.Process()
+        after = []
+        for round_ in range(3):
+            for number in range(40):
+                page = opened(place, f"dropped-page-{round_}-{number}")
+                page.recv(timeout=5)
+                page.socket.close()  # no goodbye
+            time.sleep(0.5)
+            after.append(process.memory_info().rss)
+        assert after[2] - after[1] < 8e6
+        with opened(place, "page-after-all") as page:
+            assert "view" in json.loads(page.recv(timeout=5))

@@ -1,0 +1,113 @@
+"""A station on fakes behind a real web server, for the tests of the page."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from cliport_perception.pose import PlanarPose
+from demo_tool.fakes import BLOCKS, FakeArm, FakePolicy, FakeTable
+from demo_tool.station import Station
+from demo_tool.station_config import StationConfig
+from demo_tool.web.access import AccessRule
+from demo_tool.web.application import make_application
+from demo_tool.web.server import WebServer, bind
+
+DATA_SET = "blocks"
+
+
+@dataclass
+class Workplace:
+    """A station that is served; table, arm and policy are its world."""
+
+    station: Station
+    table: FakeTable
+    arm: FakeArm
+    policy: FakePolicy
+    root: Path
+    rule: AccessRule
+    port: int = 0
+    _server: WebServer | None = None
+
+    @property
+    def url(self) -> str:
+        return f"http://127.0.0.1:{self.port}"
+
+    def draw(self, which: str, box: list[int], rotation: int = 0) -> None:
+        self.station.command(which, {"box": box, "rotation": rotation})
+
+    def serve(self) -> None:
+        """Begin, or begin again on the same port."""
+        listener = bind("127.0.0.1", self.port)
+        self.port = listener.getsockname()[1]
+        self._server = WebServer(make_application(self.station, self.rule), listener, _fail)
+        self._server.start()
+
+    def leave(self) -> None:
+        """End serving, as when the server is killed."""
+        if self._server is not None:
+            self._server.stop()
+
+    def begin_anew(self, name: str) -> None:
+        """Another data set, an empty draft, an arm that obeys at once."""
+        self.arm.pace, self.arm.stops = 0.03, 0
+        self.arm.goals.clear()
+        self.table.blocks = list(BLOCKS)
+        for command, arguments in (
+            ("resume", {}),
+            ("open_data_set", {"name": name}),
+            ("primitive", {"name": "pick_place"}),
+            ("clear", {}),
+            ("instruction", {"text": "put the red block on the blue one"}),
+        ):
+            self.station.command(command, arguments)
+        self.wait_for("ready")
+
+    def wait_for(self, state: str, timeout: float = 10.0) -> None:
+        """Until the station is in a state."""
+        end = time.monotonic() + timeout
+        while self.station.view(None)["state"] != state:
+            assert time.monotonic() < end, self.station.view(None)["words"]
+            time.sleep(0.01)
+
+
+@contextmanager
+def workplace(root: Path, token: str | None = None, host: str = "127.0.0.1", pace: float = 0.0) -> Iterator[Workplace]:
+    """A workplace with a camera at 10 Hz, an open data set and an instruction."""
+    table = FakeTable()
+    arm = FakeArm(pace, on_success=lambda goal: table.move(goal.pick, goal.place))
+    policy = FakePolicy(PlanarPose(0.5, 0.12, 0.5), PlanarPose(0.38, 0.02, 1.0))
+    station = Station(StationConfig(), arm, policy, root)
+    policy.on_status, policy.on_pose = station.on_policy_status, station.on_policy_pose
+    place = Workplace(station, table, arm, policy, root, AccessRule.for_address(host, token))
+    ended = threading.Event()
+    camera = threading.Thread(target=_film, args=(place, ended), daemon=True)
+    camera.start()
+    place.wait_for("ready")
+    station.command("open_data_set", {"name": DATA_SET})
+    station.command("instruction", {"text": "put the red block on the blue one"})
+    place.serve()
+    try:
+        yield place
+    finally:
+        ended.set()
+        camera.join()
+        place.leave()
+
+
+def _fail(error: BaseException) -> None:
+    raise error
+
+
+def _film(place: Workplace, ended: threading.Event) -> None:
+    seen, view = None, None
+    while not ended.wait(0.1):
+        now = time.time_ns()
+        if view is None or seen != list(place.table.blocks):
+            seen, view = list(place.table.blocks), place.table.live_view(now)
+        place.station.on_camera(replace(view, stamp_ns=now, received_ns=now))
+        place.station.tick(now)
