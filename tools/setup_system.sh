@@ -15,6 +15,8 @@ missing_system_packages() {
     need_command g++ g++ # these three: packages of messages
     need_command cmake cmake
     need_command make make
+    # The page's tests; Ubuntu has it as a snap only, and they are skipped where it is not.
+    if grep -qx ID=debian /etc/os-release 2>/dev/null; then need_command chromium chromium; fi
     if [ "$ros" = system ]; then need_command colcon python3-colcon-common-extensions; fi
     if [ ! -x "$venv/bin/python" ]; then
         python=$(find_python 2>/dev/null) || missing+=(python3)

@@ -82,3 +82,7 @@ def _address(host: str, port: int, rule: AccessRule) -> str:
     name = f"[{name}]" if ":" in name else name
     query = f"?token={rule.token}" if rule.token else ""
     return f"Open http://{name}:{port}/{query} in a browser; Ctrl+C ends this."
+
+
+if __name__ == "__main__":
+    sys.exit(main())
