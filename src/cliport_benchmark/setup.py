@@ -20,6 +20,7 @@ setup(
     tests_require=["pytest"],
     entry_points={
         "console_scripts": [
+            "record = cliport_benchmark.record_cli:main",
             "generate = cliport_benchmark.generate_cli:main",
             "evaluate = cliport_benchmark.evaluate_cli:main",
             "evaluate_graph = cliport_benchmark.evaluate_graph:main",

@@ -20,7 +20,9 @@ setup(
     entry_points={
         "console_scripts": [
             "calibrate = cliport_policy.calibrate:main",
+            "dataset = cliport_policy.dataset:main",
             "explain = cliport_policy.explain:main",
+            "offline = cliport_policy.offline:main",
             "reliability = cliport_policy.reliability:main",
             "server = cliport_policy.node:main",
             "train = cliport_policy.train:main",

@@ -6,10 +6,10 @@ from typing import Protocol
 
 import numpy as np
 
-from cliport_benchmark.dataset_format import Demo, Row
 from cliport_benchmark.observer import Observer
 from cliport_perception import PlanarPose, Primitive, WorkspaceSpec
 from cliport_perception.errors import PixelOutsideError
+from cliport_policy.data.dataset_format import Demo, Row
 from sim_bridge.rendering.camera import RgbdFrame
 from sim_bridge.tasks import ExpertAction, PutBlocksInBowls, Task
 from sim_bridge.world import SimWorld

@@ -9,9 +9,9 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from cliport_benchmark.dataset_format import META_NAME
 from cliport_benchmark.errors import BenchmarkError, OptionError
 from cliport_benchmark.json_files import differences, read_json, write_json
+from cliport_policy.data.dataset_format import META_NAME
 from cliport_policy.named_configs import load_network_config
 from sim_bridge.tasks import make_task
 

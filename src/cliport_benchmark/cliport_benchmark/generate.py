@@ -13,7 +13,13 @@ from typing import Any
 import cv2
 
 from cliport_benchmark.arm_hand import ArmHand
-from cliport_benchmark.dataset_format import (
+from cliport_benchmark.episode_recorder import record_episode
+from cliport_benchmark.errors import DataFolderError, OptionError
+from cliport_benchmark.json_files import differences, read_json, write_json
+from cliport_benchmark.kinematic_hand import KinematicHand
+from cliport_benchmark.observer import Observer
+from cliport_benchmark.parallel import run_parallel
+from cliport_policy.data.dataset_format import (
     FORMAT_VERSION,
     HEIGHT_UNIT,
     META_NAME,
@@ -21,12 +27,6 @@ from cliport_benchmark.dataset_format import (
     part_path,
     write_part,
 )
-from cliport_benchmark.episode_recorder import record_episode
-from cliport_benchmark.errors import DataFolderError, OptionError
-from cliport_benchmark.json_files import differences, read_json, write_json
-from cliport_benchmark.kinematic_hand import KinematicHand
-from cliport_benchmark.observer import Observer
-from cliport_benchmark.parallel import run_parallel
 from sim_bridge.errors import LayoutError, PhysicsError
 from sim_bridge.rendering.camera import CameraConfig
 from sim_bridge.tasks import PutBlocksInBowls, make_task

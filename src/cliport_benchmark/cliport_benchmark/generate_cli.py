@@ -10,6 +10,7 @@ from pathlib import Path
 from cliport_benchmark.errors import BenchmarkError, OptionError
 from cliport_benchmark.generate import GenerateConfig, Mode, PartReport, generate
 from cliport_benchmark.provenance import command_line, commit
+from cliport_policy.errors import PolicyError
 from sim_bridge.errors import SimBridgeError
 from sim_bridge.tasks import ALIASES
 
@@ -33,7 +34,7 @@ def main(arguments: list[str] | None = None) -> int:
         progress = _Progress(config)
         provenance = {"command": command_line("generate", argv), "commit": commit()}
         generate(config, options.out, options.processes, provenance, progress.report)
-    except (BenchmarkError, SimBridgeError) as error:
+    except (BenchmarkError, PolicyError, SimBridgeError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 1
     except KeyboardInterrupt:

@@ -18,12 +18,15 @@ class Observer:
 
     rng draws the sensor's noise. With `randomize`, each call of `new_scene` draws light, table colour and the
     camera's mounting error; the heightmap is still made with the nominal pose, as calibration would give it.
+    Only what sees the workspace is rendered, unless it shall be the `whole_image`, for people to look at.
     """
 
-    def __init__(self, sim: SimConfig, n_threads: int = 0, randomize: bool = False) -> None:
+    def __init__(self, sim: SimConfig, n_threads: int = 0, randomize: bool = False, whole_image: bool = False) -> None:
         self.workspace = sim.workspace
         nominal = CameraConfig()
-        window = ImageWindow.that_sees(nominal.intrinsics, nominal.camera_in_base, sim.workspace)
+        window = None
+        if not whole_image:
+            window = ImageWindow.that_sees(nominal.intrinsics, nominal.camera_in_base, sim.workspace)
         self.camera = SimCamera(CameraConfig(window=window, n_threads=n_threads))
         self._clouds = CloudBuilder(self.camera.intrinsics, self.camera.camera_in_base)
         self._randomize = randomize

@@ -12,7 +12,13 @@ import pytest
 
 from cliport_benchmark import generate as module
 from cliport_benchmark import generate_cli
-from cliport_benchmark.dataset_format import (
+from cliport_benchmark.episode_recorder import Hand, record_episode
+from cliport_benchmark.errors import DataFolderError, OptionError
+from cliport_benchmark.generate import GenerateConfig, Mode, PartReport, generate, make_part
+from cliport_benchmark.json_files import read_json
+from cliport_benchmark.observer import Observer
+from cliport_perception import PlanarPose, Primitive, WorkspaceSpec
+from cliport_policy.data.dataset_format import (
     HEIGHT_UNIT,
     Row,
     decode_heightmap,
@@ -20,13 +26,8 @@ from cliport_benchmark.dataset_format import (
     part_path,
     read_part,
 )
-from cliport_benchmark.episode_recorder import Hand, record_episode
-from cliport_benchmark.errors import DataFolderError, OptionError
-from cliport_benchmark.generate import GenerateConfig, Mode, PartReport, generate, make_part
-from cliport_benchmark.json_files import read_json
-from cliport_benchmark.observer import Observer
-from cliport_perception import PlanarPose, Primitive, WorkspaceSpec
 from cliport_policy.data.demonstrations import load_demonstrations
+from cliport_policy.errors import DataError
 from sim_bridge.colors import COLORS, SEEN_PALETTE
 from sim_bridge.errors import PhysicsError
 from sim_bridge.rendering.camera import RgbdFrame
@@ -179,7 +180,7 @@ def test_complete_parts_are_kept_and_other_settings_refused(tmp_path: Path) -> N
         generate(replace(config, randomize=False), tmp_path / "set", 1, {}, lambda report, left: None)
     with pytest.raises(DataFolderError, match="choose another --out"):
         generate(config, tmp_path, 1, {}, lambda report, left: None)
-    with pytest.raises(DataFolderError, match="generate it again"):
+    with pytest.raises(DataError, match="generate it again"):
         read_part(part_path(tmp_path / "set", 0), WorkspaceSpec())
 
 

@@ -142,4 +142,6 @@ PAPER = TrainConfig(
     jitter=False,
     phrases_per_goal=0,
 )
-RECIPES = {"ours": TrainConfig(), "paper": PAPER}
+# For some ten demonstrations on a laptop: ten minutes at most, from a checkpoint that knows the rest.
+FINE_TUNE = TrainConfig(steps=200, learning_rate=5e-4, warmup_steps=30, ema_decay=0.99, phrases_per_goal=40)
+RECIPES = {"ours": TrainConfig(), "paper": PAPER, "fine_tune": FINE_TUNE}

@@ -10,9 +10,10 @@ import torch
 from numpy.typing import NDArray
 
 from cliport_perception.heightmap import Heightmap
+from cliport_perception.pose import PlanarPose
 from cliport_policy.action import Explanation
 from cliport_policy.networks.rotation import rotated_windows
-from cliport_policy.overlays import PICK_COLOR, PLACE_COLOR, render_overlay, render_scene
+from cliport_policy.overlays import PICK_COLOR, PLACE_COLOR, draw_gripper, render_overlay, render_scene
 
 CROP_PIXELS = 64
 DETAIL = 384  # side of the pictures in the bottom row
@@ -23,14 +24,24 @@ _FULL_HEIGHT = 0.15  # m: shown brightest
 Picture = NDArray[np.uint8]
 
 
-def render_explanation(heightmap: Heightmap, instruction: str, explanation: Explanation) -> Picture:
+def render_explanation(
+    heightmap: Heightmap,
+    instruction: str,
+    explanation: Explanation,
+    recorded: tuple[PlanarPose, PlanarPose] | None = None,
+) -> Picture:
     """(H, W, 3) RGB: colour and height; pick and place affordance; the crop at the pick as the gripper would be turned
-    to it, and the probabilities of the gripper's yaws and of the rotations from pick to place."""
+    to it, and the probabilities of the gripper's yaws and of the rotations from pick to place.
+
+    recorded: the pick and the place that someone else chose; they take the height's place.
+    """
     action = explanation.action
     maps = action.maps
     scenes = [
         _titled("what is seen", render_scene(heightmap)),
-        _titled(f"height, 0 to {100 * _FULL_HEIGHT:.0f} cm", render_height(heightmap)),
+        _titled(f"height, 0 to {100 * _FULL_HEIGHT:.0f} cm", render_height(heightmap))
+        if recorded is None
+        else _titled("as recorded", render_grippers(heightmap, *recorded)),
         _titled("pick affordance", render_overlay(heightmap, maps.pick if maps else None, action, "pick")),
         _titled("place affordance", render_overlay(heightmap, maps.place if maps else None, action, "place")),
     ]
@@ -55,6 +66,14 @@ def render_height(heightmap: Heightmap) -> Picture:
     colors = cv2.applyColorMap((share * 255).astype(np.uint8), cv2.COLORMAP_VIRIDIS)[..., ::-1]
     shown = Heightmap(np.ascontiguousarray(colors), heightmap.height, heightmap.valid, heightmap.workspace)
     return render_scene(shown)
+
+
+def render_grippers(heightmap: Heightmap, pick: PlanarPose, place: PlanarPose) -> Picture:
+    """The scene with the gripper at a pick and a place. Of render_scene's size."""
+    picture = render_scene(heightmap)
+    draw_gripper(picture, heightmap.workspace, pick, PICK_COLOR)
+    draw_gripper(picture, heightmap.workspace, place, PLACE_COLOR)
+    return picture
 
 
 def render_crop(heightmap: Heightmap, pixel: tuple[int, int], yaw: float) -> Picture:

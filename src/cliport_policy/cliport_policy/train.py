@@ -1,5 +1,6 @@
 """`ros2 run cliport_policy train`: demonstrations in, a policy out, with progress; run again, it resumes.
 
+With `--init CHECKPOINT` it goes on from a policy's weights, as few demonstrations of something new ask for.
 `torchrun --nproc-per-node N -m cliport_policy.train ...` shares each step among N processes.
 """
 
@@ -55,9 +56,13 @@ def _train(options: TrainOptions, group: Group, argv: Sequence[str] | None) -> N
     val = load_demonstrations(options.val, options.cache_bytes // n_sets) if options.val else None
     if val is not None:
         check_same_workspace(sources[0].data, val)
+    if options.initial is not None:
+        options.initial.check_workspace(sources[0].data.workspace)
     words = sys.argv[1:] if argv is None else argv
     made_by = {"command": shlex.join(["ros2", "run", "cliport_policy", "train", *words]), "commit": _commit()}
-    trainer = Trainer(sources, options.out, options.network, options.train, shared_encoder(), made_by, group)
+    trainer = Trainer(
+        sources, options.out, options.network, options.train, shared_encoder(), made_by, group, options.initial
+    )
     held_out = Mixture([Source(val)], with_goals=trainer.network.needs_goal_image) if val else None
     if not group.is_first:
         _run(trainer, options, stopped)

@@ -12,6 +12,15 @@ import pyarrow.parquet as pq
 import pytest
 import torch
 
+from cliport_episodes.capture_setup import CaptureSetup
+from cliport_episodes.data_set import DataSet
+from cliport_episodes.demonstration import Source, StepRecord
+from cliport_episodes.message_types import encode, known_types
+from cliport_episodes.raw import RawMessage
+from cliport_episodes.writer import EpisodeWriter
+from cliport_perception.camera_model import CameraModel
+from cliport_perception.pose import PlanarPose, Pose
+from cliport_perception.primitive import Primitive
 from cliport_perception.workspace import WorkspaceSpec
 from cliport_policy.checkpoint import ANCHORS, Card, save_checkpoint
 from cliport_policy.encoders.clip_modules import ClipResNet, ClipText
@@ -211,3 +220,122 @@ def tiny_checkpoint(clip_models: Path, tmp_path: Path) -> Callable[..., Path]:
         return path
 
     return make
+
+
+SETUP = CaptureSetup(
+    WorkspaceSpec(pixel_size=0.0125),
+    CameraModel(160, 120, 110.0, 110.0, 80.0, 60.0),
+    "camera",
+    "base",
+    Pose.looking_at((0.45, 0.0, 0.8), (0.45, 0.0, 0.0)),
+)
+HALF_SIDE = {"red": 0.03, "blue": 0.06}  # of what is drawn [m]
+
+
+def camera_messages(pick: PlanarPose, place: PlanarPose, stamp_ns: int) -> list[RawMessage]:
+    """A red square at the pick and a blue one at the place, lying flat, as SETUP's camera sees them from above."""
+    camera, pose = SETUP.camera, SETUP.camera_in_base
+    rays = camera.rays() @ pose.rotation.T
+    depth = -pose.translation[2] / rays[..., 2]
+    xy = rays[..., :2] * depth[..., None] + pose.translation[:2]
+    color = np.full((camera.height, camera.width, 3), 200, np.uint8)
+    for at, name in ((place, "blue"), (pick, "red")):
+        color[(np.abs(xy - (at.x, at.y)) < HALF_SIDE[name]).all(axis=-1)] = COLORS[name]
+    return [_transform(stamp_ns), _info(stamp_ns), *_images(color, np.round(1000 * depth).astype("<u2"), stamp_ns)]
+
+
+def _message(name: str, **values: object) -> object:
+    return known_types().types[name](**values)
+
+
+def _header(stamp_ns: int, frame: str) -> object:
+    time = _message("builtin_interfaces/msg/Time", sec=stamp_ns // 10**9, nanosec=stamp_ns % 10**9)
+    return _message("std_msgs/msg/Header", stamp=time, frame_id=frame)
+
+
+def _images(color: np.ndarray, depth: np.ndarray, stamp_ns: int) -> list[RawMessage]:
+    made = []
+    for topic, pixels, encoding in (
+        ("/camera/color/image_raw", color, "rgb8"),
+        ("/camera/aligned_depth_to_color/image_raw", depth, "16UC1"),
+    ):
+        data = pixels.reshape(len(pixels), -1).view(np.uint8)
+        image = _message(
+            "sensor_msgs/msg/Image",
+            header=_header(stamp_ns, SETUP.camera_frame),
+            height=pixels.shape[0],
+            width=pixels.shape[1],
+            encoding=encoding,
+            is_bigendian=0,
+            step=data.shape[1],
+            data=data.reshape(-1),
+        )
+        made.append(encode(topic, image, stamp_ns))
+    return made
+
+
+def _info(stamp_ns: int) -> RawMessage:
+    camera = SETUP.camera
+    info = _message(
+        "sensor_msgs/msg/CameraInfo",
+        header=_header(stamp_ns, SETUP.camera_frame),
+        height=camera.height,
+        width=camera.width,
+        distortion_model="plumb_bob",
+        d=np.zeros(5),
+        k=camera.matrix.reshape(-1),
+        r=np.eye(3).reshape(-1),
+        p=np.zeros(12),
+        binning_x=0,
+        binning_y=0,
+        roi=_message("sensor_msgs/msg/RegionOfInterest", x_offset=0, y_offset=0, height=0, width=0, do_rectify=False),
+    )
+    return encode("/camera/color/camera_info", info, stamp_ns)
+
+
+def _transform(stamp_ns: int) -> RawMessage:
+    x, y, z = SETUP.camera_in_base.translation.tolist()
+    qx, qy, qz, qw = SETUP.camera_in_base.as_quaternion_xyzw().tolist()
+    transform = _message(
+        "geometry_msgs/msg/TransformStamped",
+        header=_header(stamp_ns, SETUP.base_frame),
+        child_frame_id=SETUP.camera_frame,
+        transform=_message(
+            "geometry_msgs/msg/Transform",
+            translation=_message("geometry_msgs/msg/Vector3", x=x, y=y, z=z),
+            rotation=_message("geometry_msgs/msg/Quaternion", x=qx, y=qy, z=qz, w=qw),
+        ),
+    )
+    return encode("/tf_static", _message("tf2_msgs/msg/TFMessage", transforms=[transform]), stamp_ns)
+
+
+def write_episode(
+    data_set: Path,
+    name: str,
+    success: bool | None = True,
+    outcomes: tuple[int, ...] = (0, 0),
+    seed: int = 0,
+    setup: CaptureSetup = SETUP,
+) -> list[StepRecord]:
+    """An episode of flat squares, a step an outcome; the records of its steps. A data set of it is made if needed."""
+    DataSet.open_or_create(data_set, setup)
+    writer, rng = EpisodeWriter.create(data_set, setup, name), np.random.default_rng(seed)
+    records = []
+    for step, outcome in enumerate(outcomes):
+        stamp_ns = (100 + 8 * step) * 10**9
+        pick = PlanarPose(rng.uniform(0.33, 0.57), rng.uniform(-0.3, -0.1), rng.uniform(-1.5, 1.5))
+        place = PlanarPose(rng.uniform(0.33, 0.57), rng.uniform(0.1, 0.3), pick.yaw + 0.5)
+        record = StepRecord(
+            *(step, stamp_ns, setup.base_frame, SENTENCE, Primitive.PICK_PLACE, Source.CLICKED, None, None, 0, 0, 36),
+            *(pick, place, True, outcome, "", None, 0.04),
+        )
+        writer.add_step(camera_messages(pick, place, stamp_ns), record)
+        records.append(record)
+    writer.finish(camera_messages(records[-1].place, records[-1].place, stamp_ns + 8 * 10**9), success)
+    return records
+
+
+@pytest.fixture
+def make_episode() -> Callable[..., list[StepRecord]]:
+    """write_episode."""
+    return write_episode

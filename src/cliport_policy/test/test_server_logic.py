@@ -124,6 +124,17 @@ class World:
         assert self.state == ServerState.EXECUTING
 
 
+@pytest.mark.parametrize(("look_back", "state"), [(0.0, ServerState.OBSERVING), (1.0, ServerState.PROPOSING)])
+def test_a_replay_may_look_at_what_was_seen_before_the_instruction(look_back: float, state: ServerState) -> None:
+    world = World(look_back=look_back)
+    world.see()
+    world.wait(0.4)
+    world.say()
+    assert world.state == state
+    with pytest.raises(ConfigError, match="look_back"):
+        ServerConfig(look_back=-1.0)
+
+
 def test_a_goal_is_reached_step_by_step() -> None:
     world = World()
     world.server.announce()

@@ -89,7 +89,8 @@ class PolicyServer:
             self._fail(str(error))
             return
         self._misses = 0
-        self._earliest_ns = max(self._earliest_ns, now.ros_ns)  # the scene may just have been rearranged
+        # the scene may just have been rearranged
+        self._earliest_ns = max(self._earliest_ns, now.ros_ns - int(self.config.look_back * 1e9))
         self._observe("waiting for a fresh heightmap", now)
 
     def approve(self, now: Moment) -> Answer:

@@ -50,7 +50,8 @@ class ServerConfig:
 
     done_threshold: done probability from which the goal counts as reached; min_confidence: of pick and place;
     retries: how often in a row a missed or dropped object is tried again; settle: rest after a motion;
-    max_proposal_age: how old an observation may be when its proposal is approved.
+    max_proposal_age: how old an observation may be when its proposal is approved; look_back: how much older than the
+    instruction it may be, for replays, whose scene nobody rearranges.
     """
 
     max_steps: int = 8
@@ -59,6 +60,7 @@ class ServerConfig:
     min_confidence: float = 0.02
     retries: int = 2
     max_observation_age: float = 1.0
+    look_back: float = 0.0
     observation_timeout: float = 3.0
     settle: float = 0.2
     inference_timeout: float = 30.0
@@ -71,6 +73,8 @@ class ServerConfig:
     def __post_init__(self) -> None:
         if self.max_steps < 1 or self.retries < 0:
             raise ConfigError(f"max_steps must be >= 1 and retries >= 0, got {self.max_steps}, {self.retries}")
+        if not self.look_back >= 0.0:
+            raise ConfigError(f"look_back must be 0 or more, got {self.look_back}")
         for name in ("done_threshold", "min_confidence"):
             if not 0.0 <= getattr(self, name) <= 1.0:
                 raise ConfigError(f"{name} must be in 0..1, got {getattr(self, name)}")

@@ -17,15 +17,21 @@ from cliport_policy.errors import ConfigError
 from cliport_policy.named_configs import AnyNetworkConfig, config_names, load_network_config
 from cliport_policy.settings import check_keys
 from cliport_policy.training.distributed import DEVICES
+from cliport_policy.training.initial import Initial, load_initial
 
+DEFAULT_CONFIG = "compact"
 _TRAIN = "train."
 
 
 @dataclass(frozen=True)
 class TrainOptions:
-    """What a training is asked to do. data: folders with their weights; n_demos: episodes a task of each."""
+    """What a training is asked to do. data: folders with their weights; n_demos: episodes a task of each.
+
+    initial: the checkpoint to begin with; None: random weights.
+    """
 
     network: AnyNetworkConfig
+    initial: Initial | None
     train: TrainConfig
     data: tuple[tuple[Path, float], ...]
     n_demos: int | None
@@ -39,12 +45,17 @@ class TrainOptions:
 
 
 def parse_options(argv: Sequence[str] | None) -> TrainOptions:
-    """Raises ConfigError, in one line with the nearest valid name, for a setting that can't be."""
+    """Raises ConfigError, in one line with the nearest valid name, for a setting that can't be.
+
+    With --init the network's config is the checkpoint's; raises CheckpointError where there is none.
+    """
     args = _parser().parse_args(argv)
     changes = dict(_setting(text) for text in args.set)
     network = {name: value for name, value in changes.items() if not name.startswith(_TRAIN)}
+    initial = None if args.init is None else load_initial(args.init)
     return TrainOptions(
-        network=load_network_config(args.config, network),
+        network=_network_config(args.config, network, initial),
+        initial=initial,
         train=_train_config(args, {n.removeprefix(_TRAIN): v for n, v in changes.items() if n not in network}),
         data=tuple(_weighted(text) for text in args.data),
         n_demos=_at_least("--n-demos", args.n_demos, 1),
@@ -63,7 +74,8 @@ def _parser() -> argparse.ArgumentParser:
         prog="train", description="Train a policy on demonstrations; run again with the same --out, it resumes."
     )
     add = parser.add_argument
-    add("--config", default="compact", help=f"network: one of {', '.join(config_names())}, or a YAML file")
+    add("--config", help=f"network: one of {', '.join(config_names())} (default {DEFAULT_CONFIG}), or a YAML file")
+    add("--init", metavar="CHECKPOINT", help="begin with its weights and config: a file, a folder or a shipped name")
     add(
         "--set",
         action="append",
@@ -75,7 +87,11 @@ def _parser() -> argparse.ArgumentParser:
     add("--n-demos", type=int, metavar="N", help="only the first N episodes of each task of each data set")
     add("--val", metavar="DIR", help="held-out data set to measure agreement on and to picture")
     add("--out", required=True, metavar="DIR", help="training folder")
-    add("--optimizer", choices=sorted(RECIPES), default="ours", help="recipe; what follows changes single values of it")
+    add(
+        "--optimizer",
+        choices=sorted(RECIPES),
+        help="recipe, by default ours, or fine_tune with --init; what follows changes single values of it",
+    )
     add("--steps", type=int)
     add("--batch", type=int, dest="batch_size", help="samples of a step, in all processes together")
     add("--accumulate", type=int, help="parts that a process handles its share of a step in, to save memory")
@@ -90,11 +106,20 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
+def _network_config(name: str | None, changes: dict[str, Any], initial: Initial | None) -> AnyNetworkConfig:
+    if initial is None:
+        return load_network_config(name or DEFAULT_CONFIG, changes)
+    if name is not None or changes:
+        initial.check_network(load_network_config(name or DEFAULT_CONFIG, changes))
+    return initial.card.network
+
+
 def _train_config(args: argparse.Namespace, changes: dict[str, Any]) -> TrainConfig:
     names = [field.name for field in fields(TrainConfig)]
     check_keys(changes, names, "training")
     given = {name: getattr(args, name) for name in names if getattr(args, name, None) is not None}
-    return replace(RECIPES[args.optimizer], **given, **{k: v for k, v in changes.items() if k not in given})
+    recipe = args.optimizer or ("ours" if args.init is None else "fine_tune")
+    return replace(RECIPES[recipe], **given, **{k: v for k, v in changes.items() if k not in given})
 
 
 def _setting(text: str) -> tuple[str, Any]:

@@ -26,6 +26,7 @@ from cliport_policy.named_configs import AnyNetworkConfig
 from cliport_policy.networks.factory import build_network, has_fast_bfloat16
 from cliport_policy.policy import Policy
 from cliport_policy.training.distributed import Group
+from cliport_policy.training.initial import Initial
 from cliport_policy.training.losses import Losses, compute_losses
 from cliport_policy.training.state import resume_state, save_state
 
@@ -61,11 +62,19 @@ class Trainer:
         encoder: TextEncoder,
         made_by: dict[str, Any],
         group: Group = ALONE,
+        initial: Initial | None = None,
     ) -> None:
-        """Raises DataError where the data or the folder do not fit, EncoderError where an encoder's file is absent."""
+        """initial: what to begin with, of this network_config; None: random weights.
+
+        Raises DataError where the data or the folder do not fit, EncoderError where an encoder's file is absent and
+        CheckpointError where the initial weights do not fit.
+        """
         self.folder, self.config, self.made_by, self.group, self.encoder = folder, config, made_by, group, encoder
+        self.initial = initial
         torch.manual_seed(config.seed)
         network = build_network(network_config).to(group.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
+        if initial is not None:
+            initial.put_into(network)
         group.share(network)
         self.network = network
         self.average = copy.deepcopy(network).eval() if config.ema_decay else network
@@ -77,7 +86,7 @@ class Trainer:
             self.data.instructions(), config.phrases_per_goal, np.random.default_rng((config.seed, 1))
         )
         self.loader = Loader(self.data, phrasebook, config, group.rank, group.size)
-        self._anchors = _spread(phrase_vectors(encoder, phrasebook.all_phrases())) if group.is_first else None
+        self._anchors = self._known_sentences(phrasebook) if group.is_first else None
         self.step = resume_state(folder, self._learned(), self.optimizer, self._identity())
 
     def run(
@@ -187,9 +196,15 @@ class Trainer:
         own = {"network": self.network}
         return own if self.average is self.network else {**own, "average": self.average}
 
+    def _known_sentences(self, phrasebook: Phrasebook) -> Tensor:
+        """Those of this training, and of the one that it goes on from: what was understood is not refused."""
+        own = _spread(phrase_vectors(self.encoder, phrasebook.all_phrases()))
+        return own if self.initial is None else torch.cat((self.initial.anchors, own))
+
     def _identity(self) -> dict[str, Any]:
         drawn_from = {"demonstrations": len(self.data), "weights": [source.weight for source in self.data.sources]}
-        return {"network": self.network.config.to_dict(), "train": self.config.to_dict(), "data": drawn_from}
+        identity = {"network": self.network.config.to_dict(), "train": self.config.to_dict(), "data": drawn_from}
+        return identity if self.initial is None else {**identity, "init": self.initial.sha256}
 
     def _card(self) -> Card:
         return Card(
@@ -199,6 +214,7 @@ class Trainer:
             min_similarity=MIN_SIMILARITY,
             made_by={
                 **self.made_by,
+                **({} if self.initial is None else {"init": self.initial.to_dict()}),
                 "train": self.config.to_dict(),
                 "steps_done": self.step,
                 "processes": self.group.size,

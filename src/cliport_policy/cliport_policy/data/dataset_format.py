@@ -13,8 +13,9 @@ import numpy.typing as npt
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from cliport_benchmark.errors import DataFolderError
-from cliport_perception import Heightmap, WorkspaceSpec
+from cliport_perception.heightmap import Heightmap
+from cliport_perception.workspace import WorkspaceSpec
+from cliport_policy.errors import DataError
 
 FORMAT_VERSION = 2
 # What is finer than this is the sensor's noise, and half of a file's size.
@@ -106,7 +107,7 @@ def write_part(path: Path, rows: list[Row]) -> None:
         pq.write_table(pa.table(columns, schema=SCHEMA), temporary, compression="none", row_group_size=64)
         temporary.replace(path)
     except OSError as error:
-        raise DataFolderError(f"cannot write {path}: {error.strerror or error}") from error
+        raise DataError(f"cannot write {path}: {error.strerror or error}") from error
     finally:
         temporary.unlink(missing_ok=True)
 
@@ -115,13 +116,13 @@ def read_part(path: Path, workspace: WorkspaceSpec) -> list[Row]:
     """The rows of a part.
 
     Raises:
-        DataFolderError: when the file is absent or not a part.
+        DataError: when the file is absent or not a part.
     """
     try:
         records = pq.read_table(path, schema=SCHEMA).to_pylist()
     except (OSError, pa.ArrowException) as error:
         reason = str(error).splitlines()[0]
-        raise DataFolderError(f"cannot read {path}: {reason}; generate it again") from error
+        raise DataError(f"cannot read {path}: {reason}; generate it again") from error
     return [
         Row(
             r["task"],
@@ -160,13 +161,13 @@ def decode_heightmap(color: bytes, height: bytes, valid: bytes, workspace: Works
 def _png(image: npt.NDArray[Any], options: list[int]) -> bytes:
     done, data = cv2.imencode(".png", image, options)
     if not done:
-        raise DataFolderError("an image could not be encoded as PNG")
+        raise DataError("an image could not be encoded as PNG")
     return bytes(data)
 
 
 def _image(data: bytes, flags: int) -> npt.NDArray[Any]:
     image = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), flags)
     if image is None:
-        raise DataFolderError("an image in the data set is no readable PNG; generate that part again")
+        raise DataError("an image in the data set is no readable PNG; generate that part again")
     result: npt.NDArray[Any] = image
     return result

@@ -1,0 +1,171 @@
+"""The expert's demonstrations in full physics, as episodes that look like a person's (one bag each)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import Enum
+from pathlib import Path
+
+from cliport_benchmark.arm_hand import ArmHand
+from cliport_benchmark.camera_messages import BASE_FRAME, observation_messages
+from cliport_benchmark.episode_recorder import KEPT_FROM
+from cliport_benchmark.errors import OptionError
+from cliport_benchmark.observer import Observer
+from cliport_episodes.capture_setup import CaptureSetup
+from cliport_episodes.data_set import DataSet
+from cliport_episodes.demonstration import Source, StepRecord
+from cliport_episodes.raw import RawMessage
+from cliport_episodes.writer import EpisodeWriter
+from cliport_perception import WorkspaceSpec
+from panda_executor.request import PickPlaceResult
+from sim_bridge.errors import LayoutError, PhysicsError
+from sim_bridge.rendering.camera import OPTICAL_FRAME, RgbdFrame
+from sim_bridge.tasks import ExpertAction, Task, make_task
+from sim_bridge.world import SimWorld, scene_rng
+
+_NOISE_STREAM = 1  # of scene_rng, as generate draws it
+
+
+@dataclass(frozen=True)
+class RecordConfig:
+    """What to demonstrate. sentences: what is asked for, scene by scene and over again; empty: the task's own.
+
+    Raises:
+        OptionError: on numbers that make no episode.
+        UnknownNameError, GoalError: on an unknown task or split, or a sentence that the task makes no scene for.
+    """
+
+    task: str
+    split: str
+    first_seed: int
+    episodes: int
+    sentences: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        for sentence in self.sentences or ("",):
+            make_task(self.task, self.split, sentence)
+        for name, value, least in (("--first-seed", self.first_seed, 0), ("--episodes", self.episodes, 1)):
+            if value < least:
+                raise OptionError(f"{name} must be {least} or more, got {value}")
+
+    def sentence(self, index: int) -> str:
+        """What the scene of an episode is made for; "" leaves it to the task."""
+        return self.sentences[index % len(self.sentences)] if self.sentences else ""
+
+
+class Result(Enum):
+    """How a demonstration ended."""
+
+    SUCCEEDED = "succeeded"
+    FAILED = "failed"  # recorded, and marked so
+    DISCARDED = "discarded"  # there was nothing to see: no scene, or physics went wrong
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """One episode; name: of its bag, "" where there is none."""
+
+    result: Result
+    name: str
+    steps: int
+    sentence: str
+
+
+class ExpertRecorder:
+    """One world, whose expert demonstrates into one data set.
+
+    Raises:
+        EpisodesError: when the data set is of another camera or workspace, or cannot be written.
+    """
+
+    def __init__(self, config: RecordConfig, data_set: Path, now_ns: Callable[[], int]) -> None:
+        """now_ns: the time that an episode's stamps begin with."""
+        self._config = config
+        self._now_ns = now_ns
+        self._world = SimWorld()
+        self._observer = Observer(self._world.config, whole_image=True)
+        self._hand = ArmHand(self._world, self._observer)
+        self._folder = data_set
+        self._setup = self._capture_setup(self._world.config.workspace)
+        DataSet.open_or_create(data_set, self._setup)
+
+    def close(self) -> None:
+        """Give the world back."""
+        self._world.close()
+
+    def record(self, index: int) -> Recorded:
+        """Demonstrate the scene of an episode."""
+        config, seed = self._config, self._config.first_seed + index
+        try:
+            task = self._world.reset(config.task, config.split, seed, config.sentence(index))
+        except (LayoutError, PhysicsError):
+            return Recorded(Result.DISCARDED, "", 0, config.sentence(index))
+        self._observer.new_scene(scene_rng(task.name, task.split, seed, _NOISE_STREAM))
+        self._hand.new_scene()
+        self._stamps_from = self._now_ns() - round(1e9 * self._world.time)
+        writer = EpisodeWriter.create(self._folder, self._setup)
+        try:
+            said = self._demonstrate(task, writer)
+        except PhysicsError:
+            writer.discard()
+            return Recorded(Result.DISCARDED, "", 0, config.sentence(index))
+        except BaseException:
+            writer.discard()
+            raise
+        if not writer.n_steps:
+            writer.discard()
+            return Recorded(Result.DISCARDED, "", 0, said)
+        success = task.score() >= KEPT_FROM
+        writer.finish(self._messages(self._observer.frame(self._world)), success)
+        return Recorded(Result.SUCCEEDED if success else Result.FAILED, writer.name, writer.n_steps, said)
+
+    def _demonstrate(self, task: Task, writer: EpisodeWriter) -> str:
+        """Every step until the task is done or nothing more can be shown; what was said last."""
+        said = ""
+        for step in range(task.max_steps):
+            action = None if task.done() else task.expert_action()
+            if action is None:
+                break
+            said = action.instruction
+            frame = self._observer.frame(self._world)
+            messages = self._messages(frame)
+            result = self._hand.execute(action.pick, action.place, frame, action.primitive)
+            task.advance()
+            writer.add_step(messages, self._record(step, action, result, self._stamp_ns(frame)))
+        return said
+
+    def _messages(self, frame: RgbdFrame) -> list[RawMessage]:
+        camera, state = self._observer.camera, self._world.panda.state()
+        return observation_messages(frame, camera.intrinsics, camera.camera_in_base, state, self._stamp_ns(frame))
+
+    def _stamp_ns(self, frame: RgbdFrame) -> int:
+        return self._stamps_from + round(1e9 * frame.time)
+
+    def _record(self, step: int, action: ExpertAction, result: PickPlaceResult, stamp_ns: int) -> StepRecord:
+        workspace, at = self._observer.workspace, result.grasp_centroid
+        return StepRecord(
+            step=step,
+            stamp_ns=stamp_ns,
+            frame_id=BASE_FRAME,
+            instruction=action.instruction,
+            primitive=action.primitive,
+            source=Source.EXPERT,
+            pick_box=None,
+            place_box=None,
+            pick_rotation=workspace.bin_of_yaw(action.pick.yaw),
+            place_rotation=workspace.bin_of_yaw(action.place.yaw),
+            n_rotations=workspace.n_rotations,
+            pick=action.pick,
+            place=action.place,
+            executed=True,
+            outcome=int(result.outcome),
+            message=result.message,
+            grasp_centroid=None if at is None else (float(at[0]), float(at[1]), float(at[2])),
+            gripper_width=result.gripper_width if math.isfinite(result.gripper_width) else 0.0,
+        )
+
+    def _capture_setup(self, workspace: WorkspaceSpec) -> CaptureSetup:
+        camera = self._observer.camera
+        return CaptureSetup(workspace, camera.intrinsics, OPTICAL_FRAME, BASE_FRAME, camera.camera_in_base)

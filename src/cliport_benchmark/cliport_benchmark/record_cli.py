@@ -1,0 +1,80 @@
+"""`ros2 run cliport_benchmark record`: the expert's demonstrations as bags, so that there are some without a robot."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections import Counter
+from contextlib import closing
+from pathlib import Path
+
+from cliport_benchmark.errors import BenchmarkError, OptionError
+from cliport_benchmark.record import ExpertRecorder, RecordConfig, Result
+from cliport_episodes.errors import EpisodesError
+from sim_bridge.errors import SimBridgeError
+from sim_bridge.tasks import ALIASES
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Entry point; 0 when all episodes were recorded, 1 on an error, 2 on a wrong command line."""
+    options = _parser().parse_args(arguments)
+    try:
+        sentences = _sentences(options.instructions)
+        task = ALIASES.get(options.task, options.task)
+        config = RecordConfig(task, options.split, options.first_seed, options.episodes, sentences)
+        counts = _record(config, options.out)
+    except (BenchmarkError, EpisodesError, SimBridgeError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        print("error: interrupted; the episodes before this one are kept", file=sys.stderr)
+        return 130
+    print(", ".join(f"{counts[result]} {result.value}" for result in Result) + f": {options.out}")
+    return 0
+
+
+def _record(config: RecordConfig, out: Path) -> Counter[Result]:
+    counts: Counter[Result] = Counter()
+    with closing(ExpertRecorder(config, out, time.time_ns)) as recorder:
+        for index in range(config.episodes):
+            done = recorder.record(index)
+            counts[done.result] += 1
+            named = f" as {done.name}" if done.name else ""
+            print(
+                f"episode {index + 1} of {config.episodes}: {done.result.value}, {done.steps} steps{named}: "
+                f"{done.sentence}",
+                flush=True,
+            )
+    return counts
+
+
+def _sentences(path: Path | None) -> tuple[str, ...]:
+    """Raises OptionError where the file can't be read or says nothing."""
+    if path is None:
+        return ()
+    try:
+        lines = path.read_text(encoding="utf-8").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        raise OptionError(f"cannot read --instructions {path}: {error}") from None
+    sentences = tuple(line.strip() for line in lines if line.strip())
+    if not sentences:
+        raise OptionError(f"--instructions {path} holds no sentence: write one a line")
+    return sentences
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="record", description="Record the expert's demonstrations as bags.")
+    parser.add_argument("--task", required=True, help="full name, such as put-blocks-in-bowls-seen-colors")
+    parser.add_argument("--split", default="train", help="train, val or test")
+    parser.add_argument("--first-seed", type=int, default=0, help="seed of the first episode")
+    parser.add_argument("--episodes", type=int, required=True, help="how many scenes")
+    parser.add_argument(
+        "--instructions", type=Path, metavar="FILE", help="sentences, one a line, that the scenes are made for in turn"
+    )
+    parser.add_argument("--out", type=Path, required=True, help="data set of episodes; goes on where there is one")
+    return parser
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,220 @@
+"""Recorded episodes as a training set: an observation and what was done in it a step, and the finished scene."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import shutil
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from cliport_episodes.capture_setup import CaptureSetup
+from cliport_episodes.demonstration import StepRecord
+from cliport_episodes.reader import Episode, Step, read_episode
+from cliport_perception.errors import PixelOutsideError
+from cliport_perception.workspace import WorkspaceSpec
+from cliport_policy.data.dataset_format import FORMAT_VERSION, HEIGHT_UNIT, META_NAME, Demo, Row, part_path, write_part
+from cliport_policy.errors import DataError
+from cliport_policy.server.types import ExecutionOutcome
+
+TASK = "demonstrations"
+JAWS_PERIOD = math.pi  # a gripper turned by half a turn holds a thing the same way [rad]
+EPISODES_PER_PART = 50
+_USED = {ExecutionOutcome.SUCCEEDED, ExecutionOutcome.PLANNED}
+
+
+@dataclass(frozen=True)
+class Selection:
+    """Which episodes are used: those marked as successes always, others as said here."""
+
+    unmarked: bool = True
+    failed: bool = False
+
+    def refusal(self, success: bool | None) -> str:
+        """Why an episode is left out; "" where it is not."""
+        if success is None and not self.unmarked:
+            return "not marked as a success"
+        return "marked as a failure" if success is False and not self.failed else ""
+
+
+@dataclass
+class Tally:
+    """What was used, and what was left out for which reason."""
+
+    episodes: int = 0
+    steps: int = 0
+    finished: int = 0
+    episodes_left_out: Counter[str] = field(default_factory=Counter)
+    steps_left_out: Counter[str] = field(default_factory=Counter)
+    complaints: list[str] = field(default_factory=list)
+
+    def to_dict(self) -> dict[str, Any]:
+        """For meta.json."""
+        return {
+            "episodes": self.episodes,
+            "steps": self.steps,
+            "finished_scenes": self.finished,
+            "episodes_left_out": dict(sorted(self.episodes_left_out.items())),
+            "steps_left_out": dict(sorted(self.steps_left_out.items())),
+        }
+
+
+def make_data_set(
+    paths: Sequence[Path],
+    out: Path,
+    selection: Selection = Selection(),
+    workspace: WorkspaceSpec | None = None,
+    on_episode: Callable[[int, Tally], None] = lambda done, tally: None,
+) -> Tally:
+    """Write the training set of episode folders to `out`, whole or not at all; on_episode hears how many are done.
+
+    workspace: of the heightmaps; by default the one that the episodes were recorded for. The same episodes give the
+    same bytes. Raises DataError where nothing is left to learn from, set-ups differ or `out` can't be written, and
+    EpisodesError where an episode can't be read.
+    """
+    if out.exists() and not (out.is_dir() and not any(out.iterdir())):
+        raise DataError(f"{out} exists: give another --out")
+    tally, first = Tally(), _First()
+    with _whole_folder(out) as temporary:
+        rows: list[Row] = []
+        parts = 0
+        names: list[str] = []
+        for done, path in enumerate(paths, start=1):
+            episode = read_episode(path)
+            made = _rows_of(episode, len(names), selection, first.check(episode, workspace), tally)
+            if made:
+                names.append(episode.name)
+                rows += made
+            if rows and (len(names) % EPISODES_PER_PART == 0 or done == len(paths)):
+                write_part(part_path(temporary, parts), rows)
+                parts, rows = parts + 1, []
+            on_episode(done, tally)
+        if not tally.steps:
+            raise DataError(f"no step of {len(paths)} episodes can be learned from ({_reasons(tally)})")
+        assert first.setup is not None
+        _write_meta(temporary, first, names, tally)
+    return tally
+
+
+class _First:
+    """The set-up that every episode must share with the first."""
+
+    def __init__(self) -> None:
+        self.setup: CaptureSetup | None = None
+        self.path = Path()
+        self.workspace = WorkspaceSpec()
+
+    def check(self, episode: Episode, workspace: WorkspaceSpec | None) -> WorkspaceSpec:
+        """The workspace of the data set. Raises DataError, in words, where an episode's set-up is another."""
+        if self.setup is None:
+            self.setup, self.path = episode.setup, episode.path
+            self.workspace = workspace or episode.setup.workspace
+        differences = self.setup.differences(episode.setup)
+        if differences:
+            raise DataError(
+                f"episodes {self.path.name} (here) and {episode.name} (there) were recorded with different set-ups: "
+                f"{'; '.join(differences)}. Make a data set of each"
+            )
+        return self.workspace
+
+
+def _rows_of(episode: Episode, number: int, selection: Selection, workspace: WorkspaceSpec, tally: Tally) -> list[Row]:
+    tally.complaints += [f"{episode.name}: {complaint}" for complaint in episode.complaints]
+    refusal = selection.refusal(episode.success)
+    if refusal:
+        tally.episodes_left_out[refusal] += 1
+        return []
+    used = [(step, demo) for step in episode.steps if (demo := _demo_or_count(step, workspace, tally)) is not None]
+    if not used:
+        tally.episodes_left_out["no step to learn from"] += 1
+        return []
+    rows = [_row(number, i, step.observation(), (demo,), workspace) for i, (step, demo) in enumerate(used)]
+    if episode.final is not None and episode.success:
+        last = episode.steps[-1].record
+        done = Demo(last.instruction, done=True, primitive=last.primitive.name.lower())
+        rows.append(_row(number, len(used), episode.final, (done,), workspace))
+        tally.finished += 1
+    tally.episodes += 1
+    tally.steps += len(used)
+    return rows
+
+
+def _row(number: int, step: int, observation: Any, demos: tuple[Demo, ...], workspace: WorkspaceSpec) -> Row:
+    return Row(TASK, "train", 0, number, step, observation.heightmap(workspace), demos)
+
+
+def _demo_or_count(step: Step, workspace: WorkspaceSpec, tally: Tally) -> Demo | None:
+    """What a step teaches; None, and counted, where it failed or lies outside the workspace."""
+    record = step.record
+    if record.executed and record.outcome not in _USED:
+        tally.steps_left_out[_outcome_words(record.outcome)] += 1
+        return None
+    try:
+        return demo_of(record, workspace)
+    except PixelOutsideError:
+        tally.steps_left_out["outside the workspace"] += 1
+        return None
+
+
+def demo_of(record: StepRecord, workspace: WorkspaceSpec) -> Demo:
+    """A step as a label on the heightmap. Raises PixelOutsideError."""
+    pick_row, pick_col = workspace.xy_to_pixel(record.pick.x, record.pick.y)
+    place_row, place_col = workspace.xy_to_pixel(record.place.x, record.place.y)
+    return Demo(
+        record.instruction,
+        False,
+        record.primitive.name.lower(),
+        pick_row,
+        pick_col,
+        record.pick.yaw,
+        JAWS_PERIOD,
+        place_row,
+        place_col,
+        record.place.yaw,
+    )
+
+
+def _outcome_words(outcome: int) -> str:
+    try:
+        return ExecutionOutcome(outcome).name.lower().replace("_", " ")
+    except ValueError:
+        return f"outcome {outcome}"
+
+
+def _reasons(tally: Tally) -> str:
+    counts = tally.episodes_left_out + tally.steps_left_out
+    return ", ".join(f"{count} {reason}" for reason, count in sorted(counts.items())) or "there is none"
+
+
+def _write_meta(folder: Path, first: _First, names: list[str], tally: Tally) -> None:
+    assert first.setup is not None
+    meta = {
+        "version": FORMAT_VERSION,
+        "task": TASK,
+        "split": "train",
+        "height_unit": HEIGHT_UNIT,
+        "workspace": first.workspace.to_dict(),
+        "setup": first.setup.to_dict(),
+        "episodes": names,
+        "counts": tally.to_dict(),
+    }
+    (folder / META_NAME).write_text(json.dumps(meta, indent=2) + "\n")
+
+
+@contextmanager
+def _whole_folder(out: Path) -> Iterator[Path]:
+    """A temporary folder beside `out` that takes its place when all went well. Raises DataError where it can't."""
+    temporary = out.with_name(f".{out.name}.{os.getpid()}.tmp")
+    try:
+        temporary.mkdir(parents=True)
+        yield temporary
+        os.replace(temporary, out)
+    except OSError as error:
+        raise DataError(f"cannot write {out}: {error.strerror or error}") from error
+    finally:
+        shutil.rmtree(temporary, ignore_errors=True)

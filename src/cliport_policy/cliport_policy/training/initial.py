@@ -1,0 +1,88 @@
+"""The checkpoint that a fine-tuning begins with: its weights, its config and the sentences it knows."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from torch import Tensor
+
+from cliport_perception.workspace import WorkspaceSpec
+from cliport_policy.checkpoint import ANCHORS, Card, load_checkpoint, resolve_checkpoint
+from cliport_policy.errors import CheckpointError, ConfigError, DataError
+from cliport_policy.language import ENCODER_NAME
+from cliport_policy.named_configs import AnyNetworkConfig
+from cliport_policy.networks.policy_network import PolicyNetwork
+
+# Which encoders stand in for which is settled when a network is built, and put_into compares what came of it.
+_SETTLED_LATER = {"encoder", "fallback_encoder"}
+
+
+@dataclass(frozen=True, eq=False)
+class Initial:
+    """A checkpoint as it was asked for: name, the SHA-256 of its weights file, tensors by name and card."""
+
+    name: str
+    sha256: str
+    tensors: Mapping[str, Tensor]
+    card: Card
+
+    @property
+    def anchors(self) -> Tensor:
+        """(A, 384), the spread of the sentences it was trained on."""
+        return self.tensors[ANCHORS]
+
+    def check_network(self, given: AnyNetworkConfig) -> None:
+        """Raise ConfigError, naming what differs, where a config is not the checkpoint's."""
+        mine, theirs = self.card.network.to_dict(), given.to_dict()
+        differing = [
+            f"{key} {theirs.get(key)} not {mine.get(key)}"
+            for key in sorted((mine.keys() | theirs.keys()) - _SETTLED_LATER)
+            if mine.get(key) != theirs.get(key)
+        ]
+        if differing:
+            raise ConfigError(
+                f"the checkpoint {self.name} is of another network ({', '.join(differing)[:200]}): "
+                "leave --config and its settings out, they come from the checkpoint"
+            )
+
+    def check_workspace(self, given: WorkspaceSpec) -> None:
+        """Raise DataError, naming what differs, where the data's workspace is not the checkpoint's."""
+        mine, theirs = self.card.workspace.to_dict(), given.to_dict()
+        differing = [f"{name} {theirs[name]} not {mine[name]}" for name in mine if mine[name] != theirs[name]]
+        if differing:
+            raise DataError(
+                f"the data's workspace is not that of the checkpoint {self.name} ({', '.join(differing)}): "
+                "make the data set with the checkpoint's workspace, or train without --init"
+            )
+
+    def put_into(self, network: PolicyNetwork) -> None:
+        """Give a network the weights. Raises CheckpointError where they do not fit it or its encoders."""
+        if network.encoder_identity != self.card.frozen:
+            raise CheckpointError(
+                f"checkpoint {self.name} was trained on the encoders '{self.card.frozen}'; "
+                f"here are '{network.encoder_identity}'"
+            )
+        try:
+            network.load_state_dict({name: self.tensors[name] for name in self.tensors if name != ANCHORS})
+        except RuntimeError as error:
+            reason = " ".join(str(error).split())[:200]
+            raise CheckpointError(f"checkpoint {self.name} does not fit its card ({reason}): restore it") from error
+
+    def to_dict(self) -> dict[str, Any]:
+        """For the card of what comes of it."""
+        return {"checkpoint": self.name, "sha256": self.sha256, "made_by": self.card.made_by}
+
+
+def load_initial(path_or_name: str | Path) -> Initial:
+    """A checkpoint by path or shipped name. Raises CheckpointError where it can't be used."""
+    path = resolve_checkpoint(path_or_name)
+    tensors, card = load_checkpoint(path)
+    if card.encoder != ENCODER_NAME:
+        raise CheckpointError(f"checkpoint {path} needs the text encoder {card.encoder!r}; here is {ENCODER_NAME!r}")
+    if ANCHORS not in tensors:
+        raise CheckpointError(f"checkpoint {path} lacks {ANCHORS}: train again")
+    return Initial(str(path_or_name), hashlib.sha256(path.read_bytes()).hexdigest(), tensors, card)
