@@ -11,7 +11,6 @@ from typing import Any, NamedTuple
 import numpy as np
 import rclpy
 from numpy.typing import NDArray
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy, qos_profile_sensor_data
 from sensor_msgs.msg import Image, JointState
 from std_msgs.msg import String
@@ -19,6 +18,7 @@ from std_msgs.msg import String
 from cliport_benchmark.errors import BenchmarkError
 from cliport_interfaces.msg import PolicyStatus
 from cliport_interfaces.srv import GetScore, ResetTask
+from cliport_perception.ros_running import SpinThread
 
 LATCHED = QoSProfile(depth=20, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 ENDED = (PolicyStatus.STATE_DONE, PolicyStatus.STATE_FAILED)
@@ -44,8 +44,6 @@ class GraphClient:
         self._context = rclpy.Context()
         self._context.init(domain_id=domain_id)
         self._node = rclpy.create_node(name, context=self._context)
-        self._executor = SingleThreadedExecutor(context=self._context)
-        self._executor.add_node(self._node)
         self._condition = threading.Condition()
         self._statuses: list[PolicyStatus] = []
         self._latest: dict[str, Image] = {}
@@ -63,17 +61,15 @@ class GraphClient:
         for topic in (CAMERA, *OVERLAYS):
             take = partial(self._take_image, topic)
             self._node.create_subscription(Image, topic, take, 2)
-        self._thread = threading.Thread(target=self._spin, daemon=True)
-        self._thread.start()
+        self._spinner = SpinThread(self._node, lambda _: None, self._context)
 
     def __enter__(self) -> GraphClient:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._executor.shutdown(timeout_sec=2.0)
+        self._spinner.stop()
         self._node.destroy_node()
         self._context.try_shutdown()
-        self._thread.join(timeout=2.0)
 
     def wait_ready(self, timeout: float, alive: Callable[[], bool] = lambda: True) -> None:
         """Until the simulator's services, the policy's status and a camera image are there.
@@ -207,13 +203,6 @@ class GraphClient:
             self._overlays[topic].append(message)
         else:
             self.on_frame(_to_array(message))
-
-    def _spin(self) -> None:
-        try:
-            self._executor.spin()
-        except Exception:
-            if self._context.ok():
-                raise
 
 
 def _to_array(message: Image) -> NDArray[np.uint8]:

@@ -7,10 +7,10 @@ import signal
 import sys
 import threading
 from collections.abc import Callable
-from contextlib import suppress
 from typing import TypeVar
 
 import rclpy
+from rclpy.context import Context
 from rclpy.exceptions import ParameterException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
@@ -53,31 +53,47 @@ def run_node(
     except refusals as error:
         fail(error)
     else:
-        _spin(node, ended, fail, close)
+        spinner = SpinThread(node, fail)
+        ended.wait()
+        if close:
+            close(node)
+        spinner.stop()
+        node.destroy_node()
     rclpy.try_shutdown()
     for failure in failures:
         print(f"error: {' '.join(str(failure).split())}", file=sys.stderr)
     return 1 if failures else 0
 
 
-def _spin(node: N, ended: threading.Event, fail: Fail, close: Callable[[N], None] | None) -> None:
-    executor = SingleThreadedExecutor()  # what takes long has threads of its own
-    executor.add_node(node)
+class SpinThread:
+    """Spins one node until it is told to stop.
 
-    def spin() -> None:
+    `Executor.shutdown` beside a running `spin` now and then takes away what that one just reaches for: here the thread
+    ends first.
+    """
+
+    def __init__(self, node: Node, on_error: Fail, context: Context | None = None) -> None:
+        """on_error: told, in this thread, of a callback's exception, after which nothing is spun any more."""
+        self._executor = SingleThreadedExecutor(context=context)  # what takes long has threads of its own
+        self._executor.add_node(node)
+        self._on_error = on_error
+        self._stopping = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="spin", daemon=True)
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Let the callback in hand end, for `CLOSING_S` at most."""
+        self._stopping.set()
+        self._executor.wake()
+        self._thread.join(timeout=CLOSING_S)
+        self._executor.shutdown(timeout_sec=CLOSING_S)
+
+    def _run(self) -> None:
         try:
-            with suppress(ExternalShutdownException):
-                executor.spin()
-            ended.set()
+            while not self._stopping.is_set():
+                self._executor.spin_once(timeout_sec=CLOSING_S / 4)
+        except ExternalShutdownException:
+            pass
         except Exception as error:  # a defect: the process must not stay behind without its callbacks
-            fail(error)
+            self._on_error(error)
             raise
-
-    spinner = threading.Thread(target=spin, name="spin", daemon=True)
-    spinner.start()
-    ended.wait()
-    if close:
-        close(node)
-    executor.shutdown(timeout_sec=CLOSING_S)
-    spinner.join(timeout=CLOSING_S)
-    node.destroy_node()
