@@ -10,7 +10,7 @@ from cliport_benchmark.kinematic_hand import KinematicHand
 from cliport_benchmark.observer import Observer
 from cliport_perception import PlanarPose, Primitive
 from cliport_perception.pose import FloatArray
-from panda_executor.request import Outcome
+from cliport_perception.primitive import Outcome
 from sim_bridge.objects import SceneObject
 from sim_bridge.objects.pile import PILE_BLOCK_SIZE, pile_block_shape
 from sim_bridge.objects.rope import BEAD_SPACING

@@ -21,7 +21,8 @@ from cliport_benchmark.provenance import commit
 from cliport_benchmark.summary import summary
 from cliport_benchmark.wording import Wording, load_patterns, load_synonyms
 from cliport_perception import Heightmap, PlanarPose
-from panda_executor.request import Outcome, PickPlaceResult
+from cliport_perception.primitive import Outcome
+from panda_executor.request import PickPlaceResult
 from sim_bridge.errors import PhysicsError
 from sim_bridge.tasks import ColorGoal, PutBlocksInBowls, Task
 from sim_bridge.world import SimWorld

@@ -8,7 +8,7 @@ from enum import IntEnum
 
 from cliport_episodes.errors import RecordError
 from cliport_perception.pose import PlanarPose
-from cliport_perception.primitive import Primitive
+from cliport_perception.primitive import Outcome, Primitive
 
 
 class Source(IntEnum):
@@ -18,19 +18,6 @@ class Source(IntEnum):
     CORRECTED = 1  # began as the policy's proposal and was changed
     PROPOSED = 2  # the policy's proposal as it was
     EXPERT = 3  # a scripted expert's
-
-
-class Outcome(IntEnum):
-    """How the arm's motion ended. Values as in the PickPlace action."""
-
-    SUCCEEDED = 0
-    PLANNED = 1
-    REJECTED = 2
-    PLANNING_FAILED = 3
-    EXECUTION_FAILED = 4
-    GRASP_MISSED = 5
-    DROPPED = 6
-    CANCELLED = 7
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""What the arm can do with two poses."""
+"""What the arm can do with two poses, and how it ends."""
 
 from __future__ import annotations
 
@@ -11,3 +11,16 @@ class Primitive(IntEnum):
     PICK_PLACE = 0
     SWEEP = 1
     FOLD = 2
+
+
+class Outcome(IntEnum):
+    """How a request ended; values as in the PickPlace action."""
+
+    SUCCEEDED = 0
+    PLANNED = 1
+    REJECTED = 2
+    PLANNING_FAILED = 3
+    EXECUTION_FAILED = 4
+    GRASP_MISSED = 5
+    DROPPED = 6
+    CANCELLED = 7

@@ -9,7 +9,8 @@ from cliport_interfaces.action import PickPlace
 from cliport_interfaces.msg import PolicyStatus
 from cliport_perception.conversions import pose_from_msg, pose_to_msg, stamp_to_msg
 from cliport_perception.pose import PlanarPose
-from cliport_policy.server.types import ExecutionOutcome, Proposal, ServerStatus
+from cliport_perception.primitive import Outcome
+from cliport_policy.server.types import Proposal, ServerStatus
 
 
 def planar_pose_to_msg(pose: PlanarPose) -> PoseMsg:
@@ -50,9 +51,9 @@ def goal_to_msg(proposal: Proposal, instruction: str, frame_id: str) -> PickPlac
     return goal
 
 
-def outcome_from_msg(result: PickPlace.Result) -> ExecutionOutcome:
+def outcome_from_msg(result: PickPlace.Result) -> Outcome:
     """An outcome that this version does not know counts as a failed execution."""
     try:
-        return ExecutionOutcome(result.outcome)
+        return Outcome(result.outcome)
     except ValueError:
-        return ExecutionOutcome.EXECUTION_FAILED
+        return Outcome.EXECUTION_FAILED

@@ -4,6 +4,8 @@ import math
 
 import pytest
 
+from cliport_perception.primitive import Outcome
+
 pytest.importorskip("cliport_interfaces.msg")
 
 from cliport_interfaces.action import PickPlace
@@ -12,7 +14,7 @@ from cliport_perception.conversions import stamp_from_msg
 from cliport_perception.pose import PlanarPose
 from cliport_policy import conversions as c
 from cliport_policy.action import PickPlaceAction
-from cliport_policy.server.types import ExecutionOutcome, Proposal, ServerState, ServerStatus
+from cliport_policy.server.types import Proposal, ServerState, ServerStatus
 
 
 @pytest.mark.parametrize("yaw", [-3.1, -0.5, 0.0, 1.57, 3.1])
@@ -49,7 +51,7 @@ def test_status_and_its_constants() -> None:
 
 
 def test_outcomes_match_the_action() -> None:
-    for outcome in ExecutionOutcome:
+    for outcome in Outcome:
         assert getattr(PickPlace.Result, f"OUTCOME_{outcome.name}") == outcome
         assert c.outcome_from_msg(PickPlace.Result(outcome=int(outcome))) == outcome
-    assert c.outcome_from_msg(PickPlace.Result(outcome=99)) == ExecutionOutcome.EXECUTION_FAILED
+    assert c.outcome_from_msg(PickPlace.Result(outcome=99)) == Outcome.EXECUTION_FAILED

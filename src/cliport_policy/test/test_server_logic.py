@@ -7,18 +7,11 @@ from typing import Any
 import pytest
 
 from cliport_perception.pose import PlanarPose
+from cliport_perception.primitive import Outcome
 from cliport_policy.action import PickPlaceAction
 from cliport_policy.errors import ConfigError, InstructionError
 from cliport_policy.server.logic import PolicyServer
-from cliport_policy.server.types import (
-    Answer,
-    ExecutionOutcome,
-    Moment,
-    Proposal,
-    ServerConfig,
-    ServerState,
-    ServerStatus,
-)
+from cliport_policy.server.types import Answer, Moment, Proposal, ServerConfig, ServerState, ServerStatus
 
 S = 1_000_000_000
 GOAL = "put the red blocks in the green bowl"
@@ -105,10 +98,10 @@ class World:
     def accept(self) -> None:
         self.server.on_goal_response(self.goals[-1][0], True, self.now)
 
-    def end(self, outcome: ExecutionOutcome = ExecutionOutcome.SUCCEEDED, message: str = "") -> None:
+    def end(self, outcome: Outcome = Outcome.SUCCEEDED, message: str = "") -> None:
         self.server.on_result(self.goals[-1][0], outcome, message, self.now)
 
-    def act(self, outcome: ExecutionOutcome = ExecutionOutcome.SUCCEEDED, message: str = "") -> None:
+    def act(self, outcome: Outcome = Outcome.SUCCEEDED, message: str = "") -> None:
         """One whole step: see, think, move."""
         self.see()
         self.think()
@@ -208,8 +201,8 @@ def test_the_step_limit_ends_it() -> None:
     assert len(world.goals) == 2
 
 
-@pytest.mark.parametrize("outcome", [ExecutionOutcome.GRASP_MISSED, ExecutionOutcome.DROPPED])
-def test_a_lost_object_is_tried_again_and_not_for_ever(outcome: ExecutionOutcome) -> None:
+@pytest.mark.parametrize("outcome", [Outcome.GRASP_MISSED, Outcome.DROPPED])
+def test_a_lost_object_is_tried_again_and_not_for_ever(outcome: Outcome) -> None:
     world = World(retries=2)
     world.say()
     world.act(outcome)
@@ -225,10 +218,10 @@ def test_a_lost_object_is_tried_again_and_not_for_ever(outcome: ExecutionOutcome
 
 @pytest.mark.parametrize(
     "outcome",
-    [ExecutionOutcome.REJECTED, ExecutionOutcome.PLANNING_FAILED, ExecutionOutcome.EXECUTION_FAILED,
-     ExecutionOutcome.CANCELLED, ExecutionOutcome.PLANNED],
+    [Outcome.REJECTED, Outcome.PLANNING_FAILED, Outcome.EXECUTION_FAILED,
+     Outcome.CANCELLED, Outcome.PLANNED],
 )  # fmt: skip
-def test_other_outcomes_fail_with_the_executors_words(outcome: ExecutionOutcome) -> None:
+def test_other_outcomes_fail_with_the_executors_words(outcome: Outcome) -> None:
     world = World()
     world.say()
     world.act(outcome, "the place is\nout of reach")
@@ -253,7 +246,7 @@ def test_an_empty_instruction_stops_the_current_goal(text: str) -> None:
     world.say(text)
     assert (world.state, world.message) == (ServerState.IDLE, "stopped by an empty instruction")
     assert world.cancelled == [world.goals[-1][0]]
-    world.end(ExecutionOutcome.CANCELLED)
+    world.end(Outcome.CANCELLED)
     assert world.state == ServerState.IDLE
     world.say()  # not latching
     world.see()
@@ -293,7 +286,7 @@ def test_a_new_instruction_replaces_the_old_after_its_motion_has_ended() -> None
     world.see()
     assert world.state == ServerState.OBSERVING
     assert len(world.inferences) == 1
-    world.end(ExecutionOutcome.CANCELLED)
+    world.end(Outcome.CANCELLED)
     world.see()
     assert world.inferences[-1][2] == "put the blue block in the yellow bowl"
     world.think()
@@ -345,7 +338,7 @@ def test_stop_latches_and_resume_ends_it() -> None:
     assert (world.stops, world.cancelled) == (1, [world.goals[-1][0]])
     assert world.state == ServerState.IDLE
     assert "stopped" in world.message
-    world.end(ExecutionOutcome.CANCELLED)
+    world.end(Outcome.CANCELLED)
     world.say()
     assert (world.state, world.message) == (
         ServerState.FAILED,

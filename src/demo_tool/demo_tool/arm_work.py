@@ -9,11 +9,12 @@ from typing import TypeVar
 
 from cliport_episodes.errors import EpisodesError
 from cliport_perception.errors import PerceptionError
+from cliport_perception.primitive import Outcome
 from demo_tool.bulletin import Bulletin
 from demo_tool.draft_desk import Choice
 from demo_tool.errors import NotNowError, StationError
 from demo_tool.motion import Motion
-from demo_tool.ports import Arm, ArmResult, Outcome, Policy
+from demo_tool.ports import Arm, ArmResult, Policy
 from demo_tool.proposing import Proposal, ProposalRequest
 from demo_tool.recording import Recorder
 from demo_tool.station_config import StationConfig

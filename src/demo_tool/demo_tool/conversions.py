@@ -25,8 +25,9 @@ from cliport_perception.conversions import (
 )
 from cliport_perception.errors import ImageError
 from cliport_perception.pose import PlanarPose
+from cliport_perception.primitive import Outcome
 from demo_tool.live_view import ColorImage, DepthImage
-from demo_tool.ports import ArmResult, Outcome, PickPlaceGoal, PolicyState
+from demo_tool.ports import ArmResult, PickPlaceGoal, PolicyState
 
 _CDR_HEAD = 4  # bytes of encapsulation before the message; the second says the byte order
 _UNSEEN = 40  # grey of cells that were not seen

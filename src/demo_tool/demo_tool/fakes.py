@@ -16,8 +16,9 @@ from cliport_episodes.message_types import encode, known_types
 from cliport_episodes.raw import RawMessage
 from cliport_perception.camera_model import CameraModel
 from cliport_perception.pose import PlanarPose, Pose
+from cliport_perception.primitive import Outcome
 from demo_tool.live_view import ColorImage, DepthImage, LiveView
-from demo_tool.ports import ACCEPTED, ArmResult, OnEnd, OnPhase, Outcome, PickPlaceGoal, PolicyState
+from demo_tool.ports import ACCEPTED, ArmResult, OnEnd, OnPhase, PickPlaceGoal, PolicyState
 
 _PHASES = (
     "VALIDATING",

@@ -5,7 +5,8 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 
-from demo_tool.ports import ACCEPTED, RESTING, Arm, ArmResult, OnEnd, Outcome, PickPlaceGoal
+from cliport_perception.primitive import Outcome
+from demo_tool.ports import ACCEPTED, RESTING, Arm, ArmResult, OnEnd, PickPlaceGoal
 from demo_tool.station_config import StationConfig
 
 _ENDED_MOVING = frozenset({Outcome.SUCCEEDED, Outcome.GRASP_MISSED, Outcome.DROPPED})

@@ -8,20 +8,7 @@ from enum import IntEnum
 from typing import Protocol
 
 from cliport_perception.pose import PlanarPose
-from cliport_perception.primitive import Primitive
-
-
-class Outcome(IntEnum):
-    """How a goal ended; values as in the PickPlace action."""
-
-    SUCCEEDED = 0
-    PLANNED = 1
-    REJECTED = 2
-    PLANNING_FAILED = 3
-    EXECUTION_FAILED = 4
-    GRASP_MISSED = 5
-    DROPPED = 6
-    CANCELLED = 7
+from cliport_perception.primitive import Outcome, Primitive
 
 
 class PolicyState(IntEnum):

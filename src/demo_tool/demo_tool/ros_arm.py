@@ -14,8 +14,9 @@ from std_msgs.msg import Empty
 from std_srvs.srv import Trigger
 
 from cliport_interfaces.action import PickPlace
+from cliport_perception.primitive import Outcome
 from demo_tool.conversions import goal_to_msg, result_from_msg
-from demo_tool.ports import ACCEPTED, ArmResult, OnEnd, OnPhase, Outcome, PickPlaceGoal
+from demo_tool.ports import ACCEPTED, ArmResult, OnEnd, OnPhase, PickPlaceGoal
 
 ACTION = "/panda_executor/pick_place"
 _HEARTBEAT_TIMEOUT = 1.0  # [s]

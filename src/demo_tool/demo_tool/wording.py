@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from demo_tool.ports import Outcome, PolicyState
+from cliport_perception.primitive import Outcome
+from demo_tool.ports import PolicyState
 
 _PHASES = {
     "": "asking the arm",

@@ -26,11 +26,12 @@ from cliport_interfaces.action import PickPlace
 from cliport_interfaces.msg import PolicyStatus
 from cliport_perception import conversions as shared
 from cliport_perception.pose import PlanarPose
+from cliport_perception.primitive import Outcome
 from cliport_perception.ros_action_server import ThreadedActionServer
 from demo_tool import conversions
 from demo_tool.errors import StationError
 from demo_tool.fakes import BLOCKS, FakeTable
-from demo_tool.ports import ArmResult, Outcome
+from demo_tool.ports import ArmResult
 from demo_tool.ros_link import RosLink
 from demo_tool.station import Station
 

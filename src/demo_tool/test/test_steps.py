@@ -11,9 +11,9 @@ from cliport_episodes.data_set import DataSet
 from cliport_episodes.demonstration import Source
 from cliport_episodes.errors import DiskFullError
 from cliport_episodes.writer import EpisodeWriter
-from cliport_perception.primitive import Primitive
+from cliport_perception.primitive import Outcome, Primitive
 from demo_tool.fakes import BLOCKS
-from demo_tool.ports import ArmResult, Outcome
+from demo_tool.ports import ArmResult
 
 
 def episode_of(bench, number: int = -1):

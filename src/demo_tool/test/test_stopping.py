@@ -5,8 +5,9 @@ import time
 import pytest
 
 from cliport_perception.pose import PlanarPose
+from cliport_perception.primitive import Outcome
 from demo_tool.fakes import BLOCKS, FakeArm, FakePolicy, FakeTable
-from demo_tool.ports import ACCEPTED, ArmResult, Outcome
+from demo_tool.ports import ACCEPTED, ArmResult
 from demo_tool.recording import Recorder
 from demo_tool.station import Station
 from demo_tool.station_config import StationConfig

@@ -22,10 +22,10 @@ from cliport_perception.conversions import (
 )
 from cliport_perception.errors import PerceptionError
 from cliport_perception.pose import PlanarPose
-from cliport_perception.primitive import Primitive
+from cliport_perception.primitive import Outcome, Primitive
 from panda_executor.errors import RequestError
 from panda_executor.health import HealthReport
-from panda_executor.request import Outcome, Phase, PickPlaceRequest, PickPlaceResult
+from panda_executor.request import Phase, PickPlaceRequest, PickPlaceResult
 from panda_executor.trajectory import PANDA_JOINTS, JointTrajectory
 
 _NS = 1_000_000_000

@@ -9,12 +9,13 @@ from typing import Any
 from rclpy.action.server import ServerGoalHandle
 
 from cliport_interfaces.action import PickPlace
+from cliport_perception.primitive import Outcome
 from panda_executor import conversions
 from panda_executor.cloud_cache import CloudCache
 from panda_executor.errors import RequestError
 from panda_executor.gate import Gate
 from panda_executor.node_parameters import NodeParameters
-from panda_executor.request import Outcome, Phase, PickPlaceResult
+from panda_executor.request import Phase, PickPlaceResult
 from panda_executor.request_check import check_request
 from panda_executor.runner import PickPlaceRunner
 

@@ -6,21 +6,8 @@ from dataclasses import dataclass
 from enum import IntEnum
 
 from cliport_perception.pose import PlanarPose
-from cliport_perception.primitive import Primitive
+from cliport_perception.primitive import Outcome, Primitive
 from panda_executor.limits import FloatArray
-
-
-class Outcome(IntEnum):
-    """How a request ended; values as in the PickPlace action."""
-
-    SUCCEEDED = 0
-    PLANNED = 1
-    REJECTED = 2
-    PLANNING_FAILED = 3
-    EXECUTION_FAILED = 4
-    GRASP_MISSED = 5
-    DROPPED = 6
-    CANCELLED = 7
 
 
 class Phase(IntEnum):

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cliport_perception.pose import PlanarPose
-from cliport_perception.primitive import Primitive
+from cliport_perception.primitive import Outcome, Primitive
 from cliport_perception.workspace import WorkspaceSpec
 from panda_executor.config import ExecutorConfig
 from panda_executor.drag import plan_drag
@@ -18,7 +18,7 @@ from panda_executor.limits import FloatArray
 from panda_executor.model import PandaModel
 from panda_executor.motions import Motion
 from panda_executor.ports import ArmPort, GripperPort, MotionStatus, ShouldStop
-from panda_executor.request import Outcome, Phase, PickPlaceRequest, PickPlaceResult
+from panda_executor.request import Phase, PickPlaceRequest, PickPlaceResult
 from panda_executor.request_check import check_cloud, check_positions, check_reach, check_request
 from panda_executor.scene import Scene
 from panda_executor.transfer import PickPlacePlan, TransferPlanner

@@ -14,13 +14,13 @@ from sensor_msgs.msg import PointCloud2
 from cliport_interfaces.action import PickPlace
 from cliport_perception.conversions import stamp_to_msg
 from cliport_perception.pose import PlanarPose
-from cliport_perception.primitive import Primitive
+from cliport_perception.primitive import Outcome, Primitive
 from panda_executor import conversions
 from panda_executor.cloud_cache import stamp_of_raw
 from panda_executor.errors import RequestError
 from panda_executor.health import HealthReport
 from panda_executor.presets import PRESETS
-from panda_executor.request import Outcome, Phase, PickPlaceRequest, PickPlaceResult
+from panda_executor.request import Phase, PickPlaceRequest, PickPlaceResult
 from panda_executor.trajectory import PANDA_JOINTS, JointTrajectory
 
 FRAME = "panda_link0"

@@ -27,11 +27,12 @@ from std_srvs.srv import Trigger
 from cliport_interfaces.action import PickPlace
 from cliport_perception.conversions import stamp_to_msg
 from cliport_perception.pose import PlanarPose
+from cliport_perception.primitive import Outcome
 from panda_executor.action_call import ActionCaller
 from panda_executor.conversions import request_to_msg, result_from_msg
 from panda_executor.limits import READY_POSITIONS
 from panda_executor.ports import MotionStatus
-from panda_executor.request import Outcome, PickPlaceRequest, PickPlaceResult
+from panda_executor.request import PickPlaceRequest, PickPlaceResult
 
 DOMAIN = next_domain()
 ENVIRONMENT = os.environ | {"ROS_DOMAIN_ID": str(DOMAIN)}

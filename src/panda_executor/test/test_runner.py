@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 
 from cliport_perception.pose import PlanarPose
-from cliport_perception.primitive import Primitive
+from cliport_perception.primitive import Outcome, Primitive
 from cliport_perception.workspace import WorkspaceSpec
 from panda_executor.errors import PortError
 from panda_executor.fakes import FakeArm, FakeGripper
 from panda_executor.limits import READY_POSITIONS, FloatArray
 from panda_executor.ports import GripperResult, MotionResult, MotionStatus, ShouldStop
-from panda_executor.request import Outcome, Phase, PickPlaceRequest, PickPlaceResult
+from panda_executor.request import Phase, PickPlaceRequest, PickPlaceResult
 from panda_executor.runner import PickPlaceRunner
 from panda_executor.transfer import TransferPlanner
 

@@ -17,15 +17,15 @@ from cliport_episodes.capture_setup import CaptureSetup
 from cliport_episodes.demonstration import StepRecord
 from cliport_episodes.reader import Episode, Step, read_episode
 from cliport_perception.errors import PixelOutsideError
+from cliport_perception.primitive import Outcome
 from cliport_perception.workspace import WorkspaceSpec
 from cliport_policy.data.dataset_format import FORMAT_VERSION, HEIGHT_UNIT, META_NAME, Demo, Row, part_path, write_part
 from cliport_policy.errors import DataError
-from cliport_policy.server.types import ExecutionOutcome
 
 TASK = "demonstrations"
 JAWS_PERIOD = math.pi  # a gripper turned by half a turn holds a thing the same way [rad]
 EPISODES_PER_PART = 50
-_USED = {ExecutionOutcome.SUCCEEDED, ExecutionOutcome.PLANNED}
+_USED = {Outcome.SUCCEEDED, Outcome.PLANNED}
 
 
 @dataclass(frozen=True)
@@ -181,7 +181,7 @@ def demo_of(record: StepRecord, workspace: WorkspaceSpec) -> Demo:
 
 def _outcome_words(outcome: int) -> str:
     try:
-        return ExecutionOutcome(outcome).name.lower().replace("_", " ")
+        return Outcome(outcome).name.lower().replace("_", " ")
     except ValueError:
         return f"outcome {outcome}"
 

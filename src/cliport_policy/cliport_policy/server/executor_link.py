@@ -13,9 +13,10 @@ from std_msgs.msg import Empty
 from std_srvs.srv import Trigger
 
 from cliport_interfaces.action import PickPlace
+from cliport_perception.primitive import Outcome
 from cliport_policy import conversions
 from cliport_policy.server.logic import PolicyServer
-from cliport_policy.server.types import ExecutionOutcome, Moment, Proposal
+from cliport_policy.server.types import Moment, Proposal
 
 
 class ExecutorLink:
@@ -88,6 +89,6 @@ class ExecutorLink:
             return
         result: PickPlace.Result = response.result
         outcome = conversions.outcome_from_msg(result)
-        if outcome == ExecutionOutcome.SUCCEEDED and response.status != GoalStatus.STATUS_SUCCEEDED:
-            outcome = ExecutionOutcome.EXECUTION_FAILED  # an aborted goal's result may be empty
+        if outcome == Outcome.SUCCEEDED and response.status != GoalStatus.STATUS_SUCCEEDED:
+            outcome = Outcome.EXECUTION_FAILED  # an aborted goal's result may be empty
         self._server.on_result(token, outcome, result.message, self._now())

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from cliport_perception.primitive import Outcome
 from cliport_policy.action import PickPlaceAction
 from cliport_policy.errors import PolicyError
 from cliport_policy.server.goal_tracker import GoalPhase, GoalTracker
@@ -15,7 +16,6 @@ from cliport_policy.server.types import (
     BUSY,
     TRY_AGAIN,
     Answer,
-    ExecutionOutcome,
     ExecutorPort,
     Moment,
     Proposal,
@@ -173,7 +173,7 @@ class PolicyServer:
         if self._goal.on_feedback(token, phase, now):
             self._enter(ServerState.EXECUTING, f"step {self._status.step}: {phase}")
 
-    def on_result(self, token: int, outcome: ExecutionOutcome, message: str, now: Moment) -> None:
+    def on_result(self, token: int, outcome: Outcome, message: str, now: Moment) -> None:
         """The executor is through with a goal."""
         wanted = self._goal.phase != GoalPhase.CANCELLING and self._status.state == ServerState.EXECUTING
         if not self._goal.on_result(token):
@@ -181,7 +181,7 @@ class PolicyServer:
         self._note_rest(now)
         if not wanted:
             return
-        if outcome == ExecutionOutcome.SUCCEEDED:
+        if outcome == Outcome.SUCCEEDED:
             self._misses = 0
             self._observe(f"step {self._status.step} done, looking again", now)
         elif outcome in TRY_AGAIN and self._misses < self.config.retries:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, fields
 from enum import IntEnum
 from typing import Any, NamedTuple, Protocol
 
+from cliport_perception.primitive import Outcome
 from cliport_policy.action import PickPlaceAction
 from cliport_policy.errors import ConfigError
 
@@ -22,26 +23,13 @@ class ServerState(IntEnum):
     FAILED = 6
 
 
-class ExecutionOutcome(IntEnum):
-    """How a pick and place ended, as in cliport_interfaces/PickPlace."""
-
-    SUCCEEDED = 0
-    PLANNED = 1
-    REJECTED = 2
-    PLANNING_FAILED = 3
-    EXECUTION_FAILED = 4
-    GRASP_MISSED = 5
-    DROPPED = 6
-    CANCELLED = 7
-
-
 BUSY = (
     ServerState.OBSERVING,
     ServerState.PROPOSING,
     ServerState.WAITING_FOR_APPROVAL,
     ServerState.EXECUTING,
 )
-TRY_AGAIN = (ExecutionOutcome.GRASP_MISSED, ExecutionOutcome.DROPPED)
+TRY_AGAIN = (Outcome.GRASP_MISSED, Outcome.DROPPED)
 
 
 @dataclass(frozen=True)
