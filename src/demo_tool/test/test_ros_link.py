@@ -11,7 +11,6 @@ import pytest
 import rclpy
 from geometry_msgs.msg import PoseStamped, TransformStamped
 from rclpy.action import CancelResponse
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
 from rclpy.serialization import serialize_message
 from ros_domain import next_domain
@@ -28,6 +27,7 @@ from cliport_perception import conversions as shared
 from cliport_perception.pose import PlanarPose
 from cliport_perception.primitive import Outcome
 from cliport_perception.ros_action_server import ThreadedActionServer
+from cliport_perception.ros_running import SpinThread
 from demo_tool import conversions
 from demo_tool.errors import StationError
 from demo_tool.fakes import BLOCKS, FakeTable
@@ -164,24 +164,22 @@ class Rig:
 def rig(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Rig]:
     rclpy.init(domain_id=next_domain())
     made = Rig(tmp_path_factory.mktemp("sets"))
-    executors = [SingleThreadedExecutor(), SingleThreadedExecutor()]
-    for executor, node in zip(executors, (made.world.node, made.link)):
-        executor.add_node(node)
-    threads = [threading.Thread(target=executor.spin, daemon=True) for executor in executors]
-    for thread in threads:
-        thread.start()
+    faults: list[BaseException] = []
+    spinners = [SpinThread(node, faults.append) for node in (made.world.node, made.link)]
     made.ready()
+    made.until(lambda _: made.world.joints.get_subscription_count() > 0)
+    time.sleep(0.5)  # several of what is published from now on have arrived
     made.until(lambda _: made.link.arm.fault() is None)
     made.do("open_data_set", name="blocks")
     made.do("instruction", text="put the red block aside")
     yield made
     made.world.hold.set()
     made.station.close()
-    for executor in executors:
-        executor.shutdown(timeout_sec=2.0)
-    for thread in threads:
-        thread.join(timeout=2.0)
+    time.sleep(0.2)  # the last goal's thread ends
+    for spinner in spinners:
+        spinner.stop()
     rclpy.try_shutdown()
+    assert not faults
 
 
 def test_a_step_goes_from_the_picture_through_the_executor_into_a_bag(rig: Rig) -> None:
