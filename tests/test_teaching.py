@@ -38,3 +38,4 @@ def test_a_demonstration_survives_a_killed_server(tmp_path: Path) -> None:
     assert teaching.outcomes(folder) == [[teaching.SUCCEEDED] * 2]
     (episode,) = DataSet.open(folder).episodes()
     assert episode.success and episode.finished and not episode.complaints
+    assert DataSet.open(folder).episode(episode.name).final is not None

@@ -16,6 +16,8 @@ from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
+from cliport_perception.errors import PerceptionError
+
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 CLOSING_S = 2.0
 
@@ -45,10 +47,9 @@ def run_node(
         failures.append(error)
         ended.set()
 
-    refusals: tuple[type[Exception], ...] = (*errors, ParameterException)
+    refusals: tuple[type[Exception], ...] = (BadArgumentsError, ParameterException, *errors)
     try:
-        # rclpy's own handlers would shut the context down before a node could say that it goes.
-        rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+        _init(args)
         node = make_node(fail)
     except refusals as error:
         fail(error)
@@ -63,6 +64,19 @@ def run_node(
     for failure in failures:
         print(f"error: {' '.join(str(failure).split())}", file=sys.stderr)
     return 1 if failures else 0
+
+
+class BadArgumentsError(PerceptionError):
+    """ROS arguments on the command line that ROS does not understand."""
+
+
+def _init(args: list[str] | None) -> None:
+    try:
+        # rclpy's own handlers would shut the context down before a node could say that it goes.
+        rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+    except RuntimeError as error:
+        reason = str(error).split(", at /")[0]  # where in its own sources is of no use here
+        raise BadArgumentsError(f"{reason}; look at what follows --ros-args") from None
 
 
 class SpinThread:

@@ -81,3 +81,14 @@ def test_a_node_ends_when_asked_to() -> None:
     time.sleep(0.5)
     process.send_signal(signal.SIGTERM)
     assert (*process.communicate(timeout=60), process.returncode) == ("closed\n", "", 0)
+
+
+@pytest.mark.parametrize("arguments", [["-p", "nope"], ["--params-file", "/no/such.yaml"], ["-p", "rate:=[1,"]])
+def test_bad_ros_arguments_are_one_line(arguments: list[str]) -> None:
+    script = f"sys.argv += ['--ros-args', *{arguments}]\nmake = None\n"
+    command = [sys.executable, "-c", PREFACE + script + RUN.replace("[], ", "sys.argv, ")]
+    ended = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    assert ended.returncode == 1 and ended.stdout == ""
+    *logged_by_rcl, line = ended.stderr.splitlines()
+    assert len(logged_by_rcl) <= 1 and "Traceback" not in ended.stderr
+    assert line.startswith("error: ") and arguments[1] in line and "--ros-args" in line

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -19,6 +20,7 @@ from demo_tool.wording import verdict_words
 
 Answer = dict[str, Any]
 Arguments = Mapping[str, Any]
+_LOOKS, _BETWEEN_LOOKS_S = 100, 0.02  # for a picture of the finished scene
 
 
 class PageCommands:
@@ -124,15 +126,24 @@ class PageCommands:
 
     def _end_episode(self, arguments: Arguments) -> Answer:
         success = verdict_of(arguments) if "success" in arguments else self.verdict
-        problem = self._problem()
+        self._recorder.refuse_to_end()
+        name, seen = self._work.on_disk(lambda: self._finish(success))
+        self.verdict = None
+        without = "" if seen else "; the finished scene is not in it, because there is no picture of it"
+        return _words(f"episode {name} is saved: {verdict_words(success)}{without}")
+
+    def _finish(self, success: bool | None) -> tuple[str, bool]:
+        """The episode's name, and whether it has the finished scene, whose picture is waited for a moment."""
+        problem, view = self._problem(), self._watch.view
+        for _ in range(_LOOKS if view is not None else 0):
+            if problem is None:
+                break
+            time.sleep(_BETWEEN_LOOKS_S)
+            problem, view = self._problem(), self._watch.view
         if problem == BEFORE_REST:
             raise NotNowError(problem)
-        view = self._watch.view
         raw = view.raw if problem is None and view is not None else ()
-        name = self._work.on_disk(lambda: self._recorder.finish(raw, success))
-        self.verdict = None
-        seen = "" if raw else "; the finished scene is not in it, because there is no picture of it"
-        return _words(f"episode {name} is saved: {verdict_words(success)}{seen}")
+        return self._recorder.finish(raw, success), bool(raw)
 
     def _discard_episode(self, _: Arguments) -> Answer:
         name = self._work.on_disk(self._recorder.discard)

@@ -115,12 +115,15 @@ class Recorder:
             self._steps = self._steps[:-1]
             self._show()
 
+    def refuse_to_end(self) -> None:
+        """Raises NotNowError when there is no episode, or none of its steps."""
+        with self._lock:
+            self._writer_of_steps()
+
     def finish(self, messages: Sequence[RawMessage], success: bool | None) -> str:
         """End the episode with the finished scene, or none where there is no picture; its name."""
         with self._lock:
-            writer = self._open_writer("end")
-            if writer.n_steps == 0:
-                raise NotNowError("the episode has no steps: record one, or discard it")
+            writer = self._writer_of_steps()
             writer.finish(messages, success)
             self.last_episode = str(writer.name)
             self._forget_episode()
@@ -143,6 +146,12 @@ class Recorder:
         """Leave the episode as it is; it goes on when its data set is opened again."""
         with self._lock:
             self._forget_episode()
+
+    def _writer_of_steps(self) -> EpisodeWriter:
+        writer = self._open_writer("end")
+        if writer.n_steps == 0:
+            raise NotNowError("the episode has no steps: record one, or discard it")
+        return writer
 
     def _open_writer(self, what: str) -> EpisodeWriter:
         if self._writer is None:

@@ -3,6 +3,7 @@
 import signal
 import subprocess
 import sys
+import threading
 
 import numpy as np
 import pytest
@@ -30,7 +31,7 @@ def test_two_steps_are_executed_recorded_and_read_back(bench) -> None:
         assert bench.view["draft"]["pick"] is None
     assert [step["outcome"] for step in bench.steps] == ["succeeded", "succeeded"]
     assert "before the arm came to rest" in bench.refused("end_episode", success=True)
-    bench.rest()
+    threading.Timer(0.2, bench.rest).start()  # the picture of the finished scene is waited for
     bench.do("end_episode", success=True)
     assert bench.view["episode"] is None
     episode = episode_of(bench)
