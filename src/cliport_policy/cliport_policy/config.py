@@ -12,6 +12,7 @@ from cliport_policy.settings import check_choice, check_keys, check_types
 TARGETS = ("soft", "one_hot")
 SCHEDULES = ("cosine", "constant")
 PRECISIONS = ("auto", "float32", "bfloat16")
+RECOLORS = ("off", "demonstrated", "surveyed")
 
 
 @dataclass(frozen=True)
@@ -69,6 +70,8 @@ class TrainConfig:
     rotation_sigma_deg, translation_sigma_px: of the SE(2) augmentation, which augment_probability of the samples get;
     directed_rotation_sigma_deg: the same where the sentence names a direction, such as left, that turning falsifies.
     precision: `bfloat16` where it loses little, `float32`, or `auto`: the first where this machine is fast at it.
+    recolor: recolor_probability of the samples that name colours get others, and their sentences too: `demonstrated`,
+    those that the demonstrations show and name, or `surveyed`, all basic colours, in shades of a survey; or `off`.
     jitter: whether colours and heights get small errors. phrases_per_goal: wordings that a canonical sentence gets.
     """
 
@@ -89,6 +92,8 @@ class TrainConfig:
     rotation_sigma_deg: float = 60.0
     directed_rotation_sigma_deg: float = 10.0
     translation_sigma_px: float = 26.67
+    recolor: str = "off"
+    recolor_probability: float = 0.7
     jitter: bool = True
     phrases_per_goal: int = 200
     precision: str = "auto"
@@ -98,6 +103,7 @@ class TrainConfig:
         check_types(self, "training")
         check_choice(self.precision, PRECISIONS, "precision")
         check_choice(self.targets, TARGETS, "targets")
+        check_choice(self.recolor, RECOLORS, "recolor")
         check_choice(self.schedule, SCHEDULES, "schedule")
         least = {"steps": 1, "batch_size": 1, "accumulate": 1}
         for field in fields(self):
@@ -106,7 +112,7 @@ class TrainConfig:
                 raise ConfigError(f"{field.name}={value} must be a number of {least.get(field.name, 0)} or more")
         if self.learning_rate == 0:
             raise ConfigError("learning_rate=0 learns nothing: give a positive one")
-        for name in ("ema_decay", "done_share", "augment_probability"):
+        for name in ("ema_decay", "done_share", "augment_probability", "recolor_probability"):
             if getattr(self, name) > 1:
                 raise ConfigError(f"{name}={getattr(self, name)} must be in 0..1")
 

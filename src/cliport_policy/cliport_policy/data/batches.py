@@ -24,6 +24,7 @@ from cliport_policy.data.augmentation import (
 )
 from cliport_policy.data.mixture import Drawn
 from cliport_policy.data.paraphrase import paraphrase
+from cliport_policy.data.recolor import Recoloring, Repainting
 from cliport_policy.observation import stack_channels
 
 
@@ -83,10 +84,22 @@ class Phrasebook:
         return sorted({phrase for phrases in self._phrases.values() for phrase in phrases})
 
 
-def make_sample(drawn: Drawn, phrasebook: Phrasebook, config: TrainConfig, rng: np.random.Generator) -> Sample:
-    """One demonstration, reworded, its images jittered alike and (with augment_probability) moved by an SE(2)."""
-    demo = drawn.demo
-    phrase, seed = phrasebook.draw(demo.instruction, rng), int(rng.integers(2**62))
+def make_sample(
+    drawn: Drawn,
+    phrasebook: Phrasebook,
+    recoloring: Recoloring | None,
+    config: TrainConfig,
+    rng: np.random.Generator,
+) -> Sample:
+    """One demonstration, reworded, its images jittered alike and (with augment_probability) moved by an SE(2).
+
+    With a recoloring, recolor_probability of the samples get other colours.
+    """
+    demo, paints = drawn.demo, None
+    if recoloring is not None and rng.random() < config.recolor_probability:
+        paints = recoloring.draw(drawn, rng)
+    sentence = demo.instruction if paints is None else paints.sentence(demo.instruction)
+    phrase, seed = phrasebook.draw(sentence, rng), int(rng.integers(2**62))
     observation = drawn.data.observation(drawn.frame)
     transform = identity_transform()
     if rng.random() < config.augment_probability:
@@ -95,9 +108,9 @@ def make_sample(drawn: Drawn, phrasebook: Phrasebook, config: TrainConfig, rng: 
         sigma = config.directed_rotation_sigma_deg if directed else config.rotation_sigma_deg
         transform = draw_transform(observation.valid.shape, keep, sigma, config.translation_sigma_px, rng)
     look = int(rng.integers(2**62)) if config.jitter else None
-    goal = None if drawn.goal is None else _image(drawn.data.observation(drawn.goal), transform, look)
+    goal = None if drawn.goal is None else _image(drawn.data.observation(drawn.goal), paints, transform, look)
     return Sample(
-        image=_image(observation, transform, look),
+        image=_image(observation, paints, transform, look),
         goal_image=goal,
         phrase=phrase,
         done=demo.done,
@@ -110,9 +123,11 @@ def make_sample(drawn: Drawn, phrasebook: Phrasebook, config: TrainConfig, rng: 
     )
 
 
-def _image(observation: Heightmap, transform: PlanarTransform, look: int | None) -> NDArray[np.float32]:
-    """(H, W, 5), moved, and jittered as the seed `look` says."""
-    color: NDArray[np.uint8] = observation.color
+def _image(
+    observation: Heightmap, paints: Repainting | None, transform: PlanarTransform, look: int | None
+) -> NDArray[np.float32]:
+    """(H, W, 5), painted, moved, and jittered as the seed `look` says."""
+    color: NDArray[np.uint8] = observation.color if paints is None else paints.image(observation)
     height: NDArray[np.float32] = observation.height
     if look is not None:
         rng = np.random.default_rng(look)

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from cliport_policy.config import TrainConfig
 from cliport_policy.data.batches import Batch, Phrasebook, collate, make_sample
 from cliport_policy.data.mixture import Mixture
+from cliport_policy.data.recolor import Recoloring
 
 THREADS = min(8, os.cpu_count() or 1)
 
@@ -30,10 +31,16 @@ class Loader:
     """Endless steps of a mixture. Step i is the same whenever and by whomever it is drawn, so training can resume."""
 
     def __init__(
-        self, mixture: Mixture, phrasebook: Phrasebook, config: TrainConfig, rank: int = 0, world_size: int = 1
+        self,
+        mixture: Mixture,
+        phrasebook: Phrasebook,
+        config: TrainConfig,
+        recoloring: Recoloring | None = None,
+        rank: int = 0,
+        world_size: int = 1,
     ) -> None:
         """rank, world_size: which of how many equal shares of each step to make."""
-        self._mixture, self._phrasebook, self._config = mixture, phrasebook, config
+        self._mixture, self._phrasebook, self._recoloring, self._config = mixture, phrasebook, recoloring, config
         self._rank, self._world_size = rank, world_size
 
     def steps(self, first: int, threads: int = THREADS) -> Generator[StepBatches]:
@@ -66,5 +73,6 @@ class Loader:
         samples = []
         for position in part:
             rng = np.random.default_rng((self._config.seed, number, int(position)))
-            samples.append(make_sample(self._mixture[int(chosen[position])], self._phrasebook, self._config, rng))
+            drawn = self._mixture[int(chosen[position])]
+            samples.append(make_sample(drawn, self._phrasebook, self._recoloring, self._config, rng))
         return collate(samples)

@@ -46,7 +46,7 @@ def agreement(network: PolicyNetwork, data: Mixture, indices: Iterable[int]) -> 
     for index in indices:
         n += 1
         demo = data[index].demo
-        batch = collate([make_sample(data[index], phrasebook, plain, rng)]).to(device)
+        batch = collate([make_sample(data[index], phrasebook, None, plain, rng)]).to(device)
         goal = network.encode_goal(batch.phrases, batch.goal_images)
         logits = network.score_picks(batch.images, goal)[0]
         _count(hits["done"], (float(logits.softmax(0)[-1]) > 0.5) == demo.done)

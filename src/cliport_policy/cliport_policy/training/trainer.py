@@ -20,6 +20,7 @@ from cliport_policy.config import TrainConfig
 from cliport_policy.data.batches import Phrasebook
 from cliport_policy.data.loader import Loader, StepBatches
 from cliport_policy.data.mixture import Mixture, Source
+from cliport_policy.data.recolor import Recoloring
 from cliport_policy.errors import TrainingError
 from cliport_policy.language import ENCODER_NAME, TextEncoder
 from cliport_policy.named_configs import AnyNetworkConfig
@@ -33,6 +34,7 @@ from cliport_policy.training.state import resume_state, save_state
 logger = logging.getLogger(__name__)
 
 N_ANCHORS = 64
+MAX_PHRASES = 9_000  # in other colours: their embeddings fit the encoder's memory
 # Below every sentence of the training grammar (0.60 at the least for wordings not drawn) and above what is said of
 # other things (0.38 at the most in a list of thirty).
 MIN_SIMILARITY = 0.45
@@ -82,10 +84,8 @@ class Trainer:
             network.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay
         )
         self.data = Mixture(sources, config.done_share, network.needs_goal_image)
-        phrasebook = Phrasebook(
-            self.data.instructions(), config.phrases_per_goal, np.random.default_rng((config.seed, 1))
-        )
-        self.loader = Loader(self.data, phrasebook, config, group.rank, group.size)
+        recoloring, phrasebook = self._sentences()
+        self.loader = Loader(self.data, phrasebook, config, recoloring, group.rank, group.size)
         self._anchors = self._known_sentences(phrasebook) if group.is_first else None
         self.step = resume_state(folder, self._learned(), self.optimizer, self._identity())
 
@@ -195,6 +195,16 @@ class Trainer:
     def _learned(self) -> dict[str, nn.Module]:
         own = {"network": self.network}
         return own if self.average is self.network else {**own, "average": self.average}
+
+    def _sentences(self) -> tuple[Recoloring | None, Phrasebook]:
+        config, sentences = self.config, self.data.instructions()
+        phrases, rng = config.phrases_per_goal, np.random.default_rng((config.seed, 1))
+        if config.recolor == "off":
+            return None, Phrasebook(sentences, phrases, rng)
+        surveyed = config.recolor == "surveyed"
+        recoloring = Recoloring(self.data, surveyed, np.random.default_rng((config.seed, 2)))
+        sentences = sorted({*sentences, *recoloring.sentences()})
+        return recoloring, Phrasebook(sentences, min(phrases, MAX_PHRASES // len(sentences)), rng)
 
     def _known_sentences(self, phrasebook: Phrasebook) -> Tensor:
         """Those of this training, and of the one that it goes on from: what was understood is not refused."""

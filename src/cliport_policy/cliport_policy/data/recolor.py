@@ -1,0 +1,175 @@
+"""Demonstrations in other colours: what a sentence calls red is painted blue, and the sentence says blue.
+
+So ten demonstrations teach each of their colours both for what is picked and for where it is placed. What had the new
+colour before gets the old one: the sentence still names one thing of the scene.
+"""
+
+from __future__ import annotations
+
+from itertools import permutations
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cliport_perception.heightmap import Heightmap
+from cliport_policy.data.color_names import distance, lab, rename, rgb, surveyed_shades, terms_in
+from cliport_policy.data.demonstrations import Demonstration
+from cliport_policy.data.mixture import Drawn, Mixture
+
+Lab = NDArray[np.float32]  # CIELAB: (3,), or (N, 3) shades
+_Key = tuple[str, str, int, str]  # folder, task, episode, sentence
+
+_PATCH = 3  # pixels around a pick or a place that show its colour
+_RAISED = 0.005  # m above the base's z = 0: a thing, neither the table nor a shadow on it
+_SAME = 14.0  # CIELAB units: as far as one thing's pixels are from its colour
+_FAR = 30.0  # CIELAB units from the nearest surveyed shade: nobody calls a colour so
+_SCENES = 200  # whose colours are learned
+_SHADES = 24  # that a colour is known by
+_SENTENCES = 4000  # in other colours, so that their embeddings can be kept
+
+
+class Paint(NamedTuple):
+    """Shades (N, 3) that become the colour new (3,)."""
+
+    shades: Lab
+    new: Lab
+
+
+class Repainting(NamedTuple):
+    """Which colours become which, and what they are called then."""
+
+    terms: dict[str, str]
+    paints: tuple[Paint, ...]
+
+    def sentence(self, sentence: str) -> str:
+        return rename(sentence, self.terms)
+
+    def image(self, scene: Heightmap) -> NDArray[np.uint8]:
+        """(H, W, 3) RGB: the scene in its new colours, shaded as it was."""
+        out = scene.color.copy()
+        things = scene.valid & (scene.height > _RAISED)
+        pixels = lab(out[things])
+        if not len(pixels):
+            return out
+        apart = np.stack([distance(pixels, paint.shades) for paint in self.paints])  # (paints, N)
+        nearest = np.where(apart.min(0) < _SAME, apart.argmin(0), -1)
+        for number, paint in enumerate(self.paints):
+            chosen = nearest == number
+            if chosen.any():
+                pixels[chosen] = _repaint(pixels[chosen], paint.new)
+        changed = np.flatnonzero(things.ravel())[nearest >= 0]
+        out.reshape(-1, 3)[changed] = rgb(pixels[nearest >= 0])
+        return out
+
+
+class Recoloring:
+    """The colours that a mixture's demonstrations show and name, and repaintings among them."""
+
+    def __init__(self, mixture: Mixture, surveyed: bool, rng: np.random.Generator) -> None:
+        """surveyed: paint also in the basic colours that no demonstration names, in the survey's shades.
+
+        Raises DataError where an observation can't be read.
+        """
+        self._acting: dict[_Key, Drawn] = {}
+        for i in range(len(mixture)):
+            drawn = mixture[i]
+            if not drawn.demo.done:
+                self._acting.setdefault(_key(drawn), drawn)
+        self._named: dict[_Key, dict[str, Lab]] = {}
+        self._palette = self._learn(rng)
+        if surveyed:
+            self._palette = {term: _spread(shades) for term, shades in surveyed_shades().items()} | self._palette
+        self._changes = self._draw_changes(mixture.instructions(), rng)
+
+    def sentences(self) -> list[str]:
+        """All that a repainting may make of the mixture's sentences, sorted."""
+        return sorted({rename(text, terms) for text, changes in self._changes.items() for terms in changes})
+
+    def draw(self, drawn: Drawn, rng: np.random.Generator) -> Repainting | None:
+        """None where the sentence names no colour that was recognised in its episode."""
+        changes, named = self._changes[drawn.demo.instruction], self._colors_of(_key(drawn))
+        if not changes or not named:
+            return None
+        terms = changes[int(rng.integers(len(changes)))]
+        paints = [Paint(named[term][None], self._shade(new, rng)) for term, new in terms.items()]
+        taken = sorted(set(terms.values()) - set(terms))
+        free = rng.permutation(sorted(set(terms) - set(terms.values())))
+        paints += [Paint(self._palette[term], named[old]) for term, old in zip(taken, free, strict=True)]
+        return Repainting(terms, tuple(paints))
+
+    def _shade(self, term: str, rng: np.random.Generator) -> Lab:
+        shades = self._palette[term]
+        return shades[int(rng.integers(len(shades)))]
+
+    def _learn(self, rng: np.random.Generator) -> dict[str, Lab]:
+        found: dict[str, list[Lab]] = {}
+        keys = list(self._acting)
+        for i in rng.permutation(len(keys))[:_SCENES]:
+            for term, color in self._colors_of(keys[i]).items():
+                found.setdefault(term, []).append(color)
+        return {term: _spread(np.array(found[term])) for term in sorted(found)}
+
+    def _draw_changes(self, instructions: list[str], rng: np.random.Generator) -> dict[str, list[dict[str, str]]]:
+        most = max(6, _SENTENCES // len(instructions))
+        return {text: self._changes_of(text, most, rng) for text in instructions}
+
+    def _changes_of(self, text: str, most: int, rng: np.random.Generator) -> list[dict[str, str]]:
+        terms = terms_in(text)
+        if not terms or not set(terms) <= set(self._palette):
+            return []
+        others = [new for new in permutations(self._palette, len(terms)) if list(new) != terms]
+        kept = sorted(rng.permutation(len(others))[:most])
+        return [dict(zip(terms, others[i], strict=True)) for i in kept]
+
+    def _colors_of(self, key: _Key) -> dict[str, Lab]:
+        if key not in self._named:
+            drawn = self._acting.get(key)
+            self._named[key] = {} if drawn is None else named_colors(drawn.demo, drawn.data.observation(drawn.frame))
+        return self._named[key]
+
+
+def named_colors(demo: Demonstration, scene: Heightmap) -> dict[str, Lab]:
+    """The colour (3,) of each colour term in a demonstration's sentence: that of what is picked or of where it goes.
+
+    Empty where not all are recognised.
+    """
+    terms = terms_in(demo.instruction)
+    if not 1 <= len(terms) <= 2:
+        return {}
+    seen = np.stack([_color_at(scene, pixel) for pixel in (demo.pick_pixel, demo.place_pixel)])
+    apart = np.stack([distance(seen, surveyed_shades()[term]) for term in terms])  # (terms, 2)
+    orders = list(permutations(range(2), len(terms)))
+    best = min(orders, key=lambda order: sum(apart[i, at] for i, at in enumerate(order)))
+    if any(apart[i, at] > _FAR for i, at in enumerate(best)):
+        return {}
+    return {term: seen[at] for term, at in zip(terms, best, strict=True)}
+
+
+def _key(drawn: Drawn) -> _Key:
+    return str(drawn.data.folder), drawn.frame.task, drawn.frame.episode, drawn.demo.instruction
+
+
+def _color_at(scene: Heightmap, pixel: tuple[int, int]) -> Lab:
+    row, col = pixel
+    patch = scene.color[max(row - _PATCH, 0) : row + _PATCH + 1, max(col - _PATCH, 0) : col + _PATCH + 1]
+    out: Lab = np.median(lab(patch.reshape(-1, 3)), axis=0).astype(np.float32)
+    return out
+
+
+def _repaint(pixels: Lab, new: Lab) -> Lab:
+    """(N, 3) of one colour -> (N, 3) as far from the new one, and as light or dark in proportion."""
+    old = np.median(pixels, axis=0)
+    lightness = pixels[:, :1] / max(float(old[0]), 1.0)
+    hue = pixels[:, 1:] + lightness * (new[1:] - old[1:])
+    return np.concatenate((lightness * new[0], hue), axis=1)
+
+
+def _spread(shades: Lab) -> Lab:
+    """At most 24 of the shades (N, 3), far from each other."""
+    chosen = [0]
+    apart = distance(shades, shades[:1])
+    while len(chosen) < min(_SHADES, len(shades)):
+        chosen.append(int(apart.argmax()))
+        apart = np.minimum(apart, distance(shades, shades[chosen[-1:]]))
+    return shades[chosen]
