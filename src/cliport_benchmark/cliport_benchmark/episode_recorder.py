@@ -79,17 +79,4 @@ def _demo(sentence: str, action: ExpertAction | None, primitive: Primitive, work
     """Raises PixelOutsideError when the action leaves the workspace."""
     if action is None:
         return Demo(sentence, done=True, primitive=primitive.name.lower())
-    pick_row, pick_col = workspace.xy_to_pixel(action.pick.x, action.pick.y)
-    place_row, place_col = workspace.xy_to_pixel(action.place.x, action.place.y)
-    return Demo(
-        sentence,
-        False,
-        action.primitive.name.lower(),
-        pick_row,
-        pick_col,
-        action.pick.yaw,
-        action.pick_yaw_period,
-        place_row,
-        place_col,
-        action.place.yaw,
-    )
+    return Demo.of_action(sentence, action.primitive, action.pick, action.pick_yaw_period, action.place, workspace)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -54,6 +55,12 @@ class RecordConfig:
         """What the scene of an episode is made for; "" leaves it to the task."""
         return self.sentences[index % len(self.sentences)] if self.sentences else ""
 
+    def name(self, index: int) -> str:
+        """Of an episode's bag: task, split and seed, and which sentence the scene was made for where one was given."""
+        sentence = self.sentence(index)
+        asked = f"-{hashlib.sha256(sentence.encode()).hexdigest()[:8]}" if sentence else ""
+        return f"{self.task}-{self.split}-{self.first_seed + index:06d}{asked}"
+
 
 class Result(Enum):
     """How a demonstration ended."""
@@ -87,16 +94,24 @@ class ExpertRecorder:
         self._world = SimWorld()
         self._observer = Observer(self._world.config, whole_image=True)
         self._hand = ArmHand(self._world, self._observer)
-        self._folder = data_set
         self._setup = self._capture_setup(self._world.config.workspace)
-        DataSet.open_or_create(data_set, self._setup)
+        self._data_set = DataSet.open_or_create(data_set, self._setup)
 
     def close(self) -> None:
         """Give the world back."""
         self._world.close()
 
+    def missing(self) -> list[int]:
+        """The episodes that the data set lacks; what is left of interrupted ones goes into its trash."""
+        finished = {info.name: info.finished for info in self._data_set.episodes()}
+        names = [self._config.name(index) for index in range(self._config.episodes)]
+        for name in names:
+            if not finished.get(name, True):
+                self._data_set.delete(name)
+        return [index for index, name in enumerate(names) if not finished.get(name)]
+
     def record(self, index: int) -> Recorded:
-        """Demonstrate the scene of an episode."""
+        """Demonstrate the scene of an episode; when that is interrupted, what there is goes into the trash."""
         config, seed = self._config, self._config.first_seed + index
         try:
             task = self._world.reset(config.task, config.split, seed, config.sentence(index))
@@ -105,20 +120,20 @@ class ExpertRecorder:
         self._observer.new_scene(scene_rng(task.name, task.split, seed, _NOISE_STREAM))
         self._hand.new_scene()
         self._stamps_from = self._now_ns() - round(1e9 * self._world.time)
-        writer = EpisodeWriter.create(self._folder, self._setup)
+        writer = EpisodeWriter.create(self._data_set.path, self._setup, config.name(index))
         try:
             said = self._demonstrate(task, writer)
+            if not writer.n_steps:
+                writer.discard()
+                return Recorded(Result.DISCARDED, "", 0, said)
+            success = task.score() >= KEPT_FROM
+            writer.finish(self._messages(self._observer.frame(self._world)), success)
         except PhysicsError:
             writer.discard()
             return Recorded(Result.DISCARDED, "", 0, config.sentence(index))
         except BaseException:
             writer.discard()
             raise
-        if not writer.n_steps:
-            writer.discard()
-            return Recorded(Result.DISCARDED, "", 0, said)
-        success = task.score() >= KEPT_FROM
-        writer.finish(self._messages(self._observer.frame(self._world)), success)
         return Recorded(Result.SUCCEEDED if success else Result.FAILED, writer.name, writer.n_steps, said)
 
     def _demonstrate(self, task: Task, writer: EpisodeWriter) -> str:

@@ -1,4 +1,8 @@
-"""`ros2 run cliport_benchmark record`: the expert's demonstrations as bags, so that there are some without a robot."""
+"""`ros2 run cliport_benchmark record`: the expert's demonstrations as bags, so that there are some without a robot.
+
+An episode is known by its task, split and seed, and by its sentence where --instructions gives one: those that the data
+set has are not made again, so that the same command goes on where it was interrupted.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +32,7 @@ def main(arguments: list[str] | None = None) -> int:
         print(f"error: {error}", file=sys.stderr)
         return 1
     except KeyboardInterrupt:
-        print("error: interrupted; the episodes before this one are kept", file=sys.stderr)
+        print("error: interrupted; the same command continues where this one stopped", file=sys.stderr)
         return 130
     print(", ".join(f"{counts[result]} {result.value}" for result in Result) + f": {options.out}")
     return 0
@@ -37,7 +41,10 @@ def main(arguments: list[str] | None = None) -> int:
 def _record(config: RecordConfig, out: Path) -> Counter[Result]:
     counts: Counter[Result] = Counter()
     with closing(ExpertRecorder(config, out, time.time_ns)) as recorder:
-        for index in range(config.episodes):
+        missing = recorder.missing()
+        if there := config.episodes - len(missing):
+            print(f"{there} of {config.episodes} episodes are there already: skipped", flush=True)
+        for index in missing:
             done = recorder.record(index)
             counts[done.result] += 1
             named = f" as {done.name}" if done.name else ""
@@ -72,7 +79,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--instructions", type=Path, metavar="FILE", help="sentences, one a line, that the scenes are made for in turn"
     )
-    parser.add_argument("--out", type=Path, required=True, help="data set of episodes; goes on where there is one")
+    parser.add_argument("--out", type=Path, required=True, help="data set of episodes; continued if begun")
     return parser
 
 

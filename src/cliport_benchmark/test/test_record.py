@@ -1,15 +1,17 @@
-"""The expert's demonstrations as bags: whole images, true poses, and errors of one line."""
+"""The expert's demonstrations as bags: whole images, true poses, none made twice, and errors of one line."""
 
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from cliport_benchmark.record import RecordConfig
 from cliport_benchmark.record_cli import main
 from cliport_episodes.bags import decode, read_messages
 from cliport_episodes.data_set import DataSet
 from cliport_episodes.demonstration import Source
 from cliport_episodes.reader import Episode
+from cliport_episodes.writer import EpisodeWriter
 from cliport_perception import WorkspaceSpec
 from cliport_policy.data.from_bags import demo_of
 from sim_bridge.colors import COLORS
@@ -19,12 +21,18 @@ SENTENCE = "put the orange blocks in a purple bowl"
 
 
 @pytest.fixture(scope="module")
-def episode(tmp_path_factory: pytest.TempPathFactory) -> Episode:
+def command(tmp_path_factory: pytest.TempPathFactory) -> list[str]:
+    """That makes the one episode."""
     folder = tmp_path_factory.mktemp("record")
     (folder / "sentences.txt").write_text(f"{SENTENCE}\n")
     arguments = ["--task", TASK, "--episodes", "1", "--instructions", str(folder / "sentences.txt")]
-    assert main([*arguments, "--out", str(folder / "set")]) == 0
-    data_set = DataSet.open(folder / "set")
+    return [*arguments, "--out", str(folder / "set")]
+
+
+@pytest.fixture(scope="module")
+def episode(command: list[str]) -> Episode:
+    assert main(command) == 0
+    data_set = DataSet.open(Path(command[-1]))
     (info,) = data_set.episodes()
     return data_set.episode(info.name)
 
@@ -47,6 +55,56 @@ def test_an_episode_shows_what_was_done(episode: Episode) -> None:
         assert record.stamp_ns == seen.stamp_ns
     stamps = [step.record.stamp_ns for step in episode.steps]
     assert stamps == sorted(stamps) and episode.final.stamp_ns - stamps[-1] > 3e9  # the arm needs its time
+
+
+def test_what_is_there_is_not_made_again(
+    command: list[str], episode: Episode, capsys: pytest.CaptureFixture[str]
+) -> None:
+    before = {path: path.stat().st_mtime_ns for path in episode.path.iterdir()}
+    assert main(command) == 0
+    said = capsys.readouterr().out.splitlines()
+    assert said[0] == "1 of 1 episodes are there already: skipped" and len(said) == 2
+    assert {path: path.stat().st_mtime_ns for path in episode.path.iterdir()} == before
+    assert list(episode.path.parent.iterdir()) == [episode.path]
+
+
+def test_other_seeds_splits_and_sentences_are_other_episodes() -> None:
+    config = RecordConfig(TASK, "train", 7, 2)
+    assert [config.name(i) for i in range(2)] == [f"{TASK}-train-000007", f"{TASK}-train-000008"]
+    names = {config.name(0), RecordConfig(TASK, "val", 7, 1).name(0)}
+    for sentence in (SENTENCE, "put the red blocks in a green bowl"):
+        names.add(RecordConfig(TASK, "train", 7, 1, (sentence,)).name(0))
+    assert len(names) == 4 and RecordConfig(TASK, "train", 6, 2).name(1) in names
+
+
+def test_what_was_interrupted_is_made_anew_and_nothing_else_is_touched(
+    command: list[str],
+    episode: Episode,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    data_set = DataSet.create(tmp_path / "set", episode.setup)
+    for name in ("by-hand", episode.name):  # the latter as a killed process leaves it
+        writer = EpisodeWriter.create(data_set.path, episode.setup, name)
+        writer.add_step([], episode.steps[0].record)
+        writer.close()
+    arguments = [*command[:-1], str(data_set.path)]
+    with monkeypatch.context() as patched:
+        patched.setattr(EpisodeWriter, "finish", press_ctrl_c)  # its last step is done
+        assert main(arguments) == 130
+    errors = capsys.readouterr().err.splitlines()
+    assert errors == ["error: interrupted; the same command continues where this one stopped"]
+    assert [info.name for info in data_set.episodes()] == ["by-hand"]
+    assert data_set.trashed() == [episode.name, f"{episode.name}-2"]
+    assert main(arguments) == 0
+    found = {info.name: info for info in data_set.episodes()}
+    assert found.keys() == {"by-hand", episode.name} and not found["by-hand"].finished
+    assert found[episode.name].finished and found[episode.name].n_steps == len(episode.steps)
+
+
+def press_ctrl_c(*_: object) -> None:
+    raise KeyboardInterrupt
 
 
 def nearest(color: np.ndarray) -> str:

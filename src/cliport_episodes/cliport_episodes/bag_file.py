@@ -22,9 +22,9 @@ from cliport_episodes.bags import one_line
 from cliport_episodes.disk import move, sync
 from cliport_episodes.errors import BagError
 from cliport_episodes.message_types import definition_and_hash, types_of
+from cliport_episodes.observation import TF_STATIC_TOPIC
 from cliport_episodes.raw import RawMessage
 
-LATCHED_TOPICS = frozenset({"/tf_static"})
 SCRATCH = ".writing"  # the folder within an episode's in which a file is made
 _NO_LIMIT = QosTime(9223372036, 854775807)  # as rosbag2 writes "infinite"
 _LATCHED = Qos(
@@ -132,4 +132,4 @@ def describe(path: Path) -> BagFile:
 
 def is_latched(topic: str) -> bool:
     """Whether a topic's last message holds until the next, however old it is."""
-    return topic in LATCHED_TOPICS
+    return topic == TF_STATIC_TOPIC

@@ -14,7 +14,7 @@ from cliport_episodes.capture_setup import CaptureSetup
 from cliport_episodes.data_set_file import FILE, read_setup, write_setup
 from cliport_episodes.disk import UNFINISHED, copy_folder, disk_errors, move
 from cliport_episodes.edits import Edits
-from cliport_episodes.episode_folder import EPISODES, TRASH, change_edits, locked, step_paths
+from cliport_episodes.episode_folder import EPISODES, TRASH, change_edits, free_path, locked, step_paths
 from cliport_episodes.errors import DataSetError, EpisodeError, SetupDiffersError
 from cliport_episodes.names import check_instruction, check_name
 from cliport_episodes.reader import Episode, read_episode
@@ -103,6 +103,8 @@ class DataSet:
         numbers = step_paths(self._folder(name))
         if not any(Edits(first=first, last=last).keeps(number) for number in numbers):
             raise EpisodeError(f"trimming episode '{name}' so would leave no step: it has {_span(numbers)}")
+        if first is not None and first < 0:
+            raise EpisodeError(f"episode '{name}' has no step {first}: it has {_span(numbers)}")
         self._edit(name, lambda edits: replace(edits, first=first, last=last))
 
     def delete(self, name: str) -> None:
@@ -110,7 +112,7 @@ class DataSet:
         folder = self._folder(name)
         with locked(folder), disk_errors(folder):
             (self.path / TRASH).mkdir(exist_ok=True)
-            move(folder, _free(self.path / TRASH, name))
+            move(folder, free_path(self.path / TRASH, name))
 
     def trashed(self) -> list[str]:
         """The names of the episodes in the trash."""
@@ -164,6 +166,8 @@ class DataSet:
         Raises:
             DataSetError: when there are too few episodes, or one of the data sets exists; BadNameError, DiskError.
         """
+        if seed < 0:
+            raise DataSetError(f"the seed of a split is {seed}: give 0 or more")
         folders = [self._folder(info.name) for info in self.episodes() if info.n_steps]
         counts = _counts(parts, len(folders))
         folder_of = self.path.resolve().parent
@@ -195,7 +199,7 @@ class DataSet:
         if target.is_dir():
             if _same_files(folder, target):
                 return None
-            target = _free(self.path / EPISODES, folder.name)
+            target = free_path(self.path / EPISODES, folder.name)
         with locked(folder), disk_errors(target):
             copy_folder(folder, target)
         return target.name
@@ -219,12 +223,6 @@ class DataSet:
         return [folder for folder in found if folder.is_dir() and not folder.name.startswith(".")]
 
 
-def _free(folder: Path, name: str) -> Path:
-    """A path in a folder that nothing has, with the name or one like it."""
-    names = (name, *(f"{name}-{number}" for number in range(2, 10_000)))
-    return next(path for path in (folder / each for each in names) if not path.exists())
-
-
 def _same_files(one: Path, other: Path) -> bool:
     mine, theirs = step_paths(one), step_paths(other)
     return mine.keys() == theirs.keys() and all(filecmp.cmp(mine[n], theirs[n], shallow=False) for n in mine)
@@ -238,7 +236,7 @@ def _counts(parts: Mapping[str, float], available: int) -> dict[str, int]:
     """How many episodes each part gets. Raises DataSetError."""
     total = sum(parts.values())
     are_counts = all(float(value).is_integer() for value in parts.values()) and total > 1
-    if not parts or min(parts.values()) <= 0 or (not are_counts and total > 1 + 1e-9):
+    if not all(value > 0 for value in parts.values()) or not parts or (not are_counts and total > 1 + 1e-9):
         raise DataSetError(f"cannot split into {dict(parts)}: give shares that sum to 1 at most, or whole numbers")
     if are_counts:
         counts = {part: int(value) for part, value in parts.items()}

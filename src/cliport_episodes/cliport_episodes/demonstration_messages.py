@@ -8,7 +8,7 @@ from typing import Any
 
 from cliport_episodes.demonstration import PixelBox, Source, StepRecord
 from cliport_episodes.errors import BagError, RecordError
-from cliport_episodes.message_types import DEMONSTRATION, decode, encode, known_types
+from cliport_episodes.message_types import DEMONSTRATION, decode, encode, make, make_header, stamp_of
 from cliport_episodes.raw import RawMessage
 from cliport_perception.pose import PlanarPose, Pose
 from cliport_perception.primitive import Primitive
@@ -18,20 +18,15 @@ PICK_TOPIC = "/cliport/pick_pose"
 PLACE_TOPIC = "/cliport/place_pose"
 DEMONSTRATION_TOPIC = "/cliport/demonstration"
 RECORD_TOPICS = (INSTRUCTION_TOPIC, PICK_TOPIC, PLACE_TOPIC, DEMONSTRATION_TOPIC)
-_NS = 1_000_000_000
 
 
 def messages_from_record(record: StepRecord, stamp_ns: int) -> list[RawMessage]:
     """The messages that say what was done, as received at `stamp_ns`; the Demonstration comes last."""
-    types = known_types().types
-    header = _make(
-        "std_msgs/msg/Header",
-        stamp=_make("builtin_interfaces/msg/Time", sec=record.stamp_ns // _NS, nanosec=record.stamp_ns % _NS),
-        frame_id=record.frame_id,
-    )
+    header = make_header(record.stamp_ns, record.frame_id)
     pick, place = _pose_message(record.pick), _pose_message(record.place)
     centroid = record.grasp_centroid or (0.0, 0.0, 0.0)
-    demonstration = types[DEMONSTRATION](
+    demonstration = make(
+        DEMONSTRATION,
         header=header,
         step=record.step,
         instruction=record.instruction,
@@ -47,13 +42,13 @@ def messages_from_record(record: StepRecord, stamp_ns: int) -> list[RawMessage]:
         executed=record.executed,
         outcome=record.outcome,
         message=record.message,
-        grasp_centroid=_make("geometry_msgs/msg/Point", x=centroid[0], y=centroid[1], z=centroid[2]),
+        grasp_centroid=make("geometry_msgs/msg/Point", x=centroid[0], y=centroid[1], z=centroid[2]),
         gripper_width=record.gripper_width,
     )
     return [
-        encode(INSTRUCTION_TOPIC, _make("std_msgs/msg/String", data=record.instruction), stamp_ns),
-        encode(PICK_TOPIC, _make("geometry_msgs/msg/PoseStamped", header=header, pose=pick), stamp_ns),
-        encode(PLACE_TOPIC, _make("geometry_msgs/msg/PoseStamped", header=header, pose=place), stamp_ns),
+        encode(INSTRUCTION_TOPIC, make("std_msgs/msg/String", data=record.instruction), stamp_ns),
+        encode(PICK_TOPIC, make("geometry_msgs/msg/PoseStamped", header=header, pose=pick), stamp_ns),
+        encode(PLACE_TOPIC, make("geometry_msgs/msg/PoseStamped", header=header, pose=place), stamp_ns),
         encode(DEMONSTRATION_TOPIC, demonstration, stamp_ns),
     ]
 
@@ -69,7 +64,7 @@ def record_from_message(raw: RawMessage) -> StepRecord:
         centroid = message.grasp_centroid
         return StepRecord(
             step=int(message.step),
-            stamp_ns=message.header.stamp.sec * _NS + message.header.stamp.nanosec,
+            stamp_ns=stamp_of(message),
             frame_id=message.header.frame_id,
             instruction=message.instruction,
             primitive=Primitive(message.primitive),
@@ -79,8 +74,8 @@ def record_from_message(raw: RawMessage) -> StepRecord:
             pick_rotation=int(message.pick_rotation),
             place_rotation=int(message.place_rotation),
             n_rotations=int(message.n_rotations),
-            pick=_planar(message.pick),
-            place=_planar(message.place),
+            pick=planar_from_message(message.pick),
+            place=planar_from_message(message.place),
             executed=bool(message.executed),
             outcome=int(message.outcome),
             message=message.message,
@@ -91,13 +86,9 @@ def record_from_message(raw: RawMessage) -> StepRecord:
         raise BagError(f"the demonstration on {raw.topic} is not usable: {error}") from None
 
 
-def _make(name: str, /, **values: Any) -> Any:
-    return known_types().types[name](**values)
-
-
 def _region(box: PixelBox | None) -> Any:
     top, left, bottom, right = astuple(box) if box else (0, 0, 0, 0)
-    return _make(
+    return make(
         "sensor_msgs/msg/RegionOfInterest",
         x_offset=left,
         y_offset=top,
@@ -116,13 +107,14 @@ def _box(region: Any) -> PixelBox | None:
 
 def _pose_message(pose: PlanarPose) -> Any:
     z, w = math.sin(pose.yaw / 2.0), math.cos(pose.yaw / 2.0)
-    return _make(
+    return make(
         "geometry_msgs/msg/Pose",
-        position=_make("geometry_msgs/msg/Point", x=pose.x, y=pose.y, z=0.0),
-        orientation=_make("geometry_msgs/msg/Quaternion", x=0.0, y=0.0, z=z, w=w),
+        position=make("geometry_msgs/msg/Point", x=pose.x, y=pose.y, z=0.0),
+        orientation=make("geometry_msgs/msg/Quaternion", x=0.0, y=0.0, z=z, w=w),
     )
 
 
-def _planar(message: Any) -> PlanarPose:
+def planar_from_message(message: Any) -> PlanarPose:
+    """Of a Pose; height, roll and pitch are dropped. Raises ValueError when it has no direction or is not finite."""
     p, q = message.position, message.orientation
     return PlanarPose.from_pose(Pose.from_quaternion_xyzw((q.x, q.y, q.z, q.w), (p.x, p.y, p.z)))

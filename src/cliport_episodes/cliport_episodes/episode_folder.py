@@ -122,3 +122,9 @@ def locked(folder: Path) -> Iterator[None]:
         yield
     finally:
         lock.release()
+
+
+def free_path(folder: Path, name: str) -> Path:
+    """A path in a folder that nothing has, with the name or one like it."""
+    names = (name, *(f"{name}-{number}" for number in range(2, 10_000)))
+    return next(path for path in (folder / each for each in names) if not path.exists())

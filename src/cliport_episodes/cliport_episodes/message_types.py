@@ -37,6 +37,7 @@ geometry_msgs/Point grasp_centroid
 float64 gripper_width
 """
 _IDL_HEAD = "=" * 80 + "\nIDL: "
+_NS = 1_000_000_000
 
 
 @lru_cache(maxsize=1)
@@ -76,6 +77,22 @@ def decode(raw: RawMessage) -> Any:
         return store.deserialize_cdr(raw.data, raw.type)
     except Exception as error:  # the library does not say what garbled bytes may raise
         raise BagError(f"a message on {raw.topic} is not a whole {raw.type}: {error}") from None
+
+
+def make(name: str, /, **values: Any) -> Any:
+    """A message object of a type of `known_types`."""
+    return known_types().types[name](**values)
+
+
+def make_header(stamp_ns: int, frame_id: str) -> Any:
+    """A std_msgs/Header."""
+    stamp = make("builtin_interfaces/msg/Time", sec=stamp_ns // _NS, nanosec=stamp_ns % _NS)
+    return make("std_msgs/msg/Header", stamp=stamp, frame_id=frame_id)
+
+
+def stamp_of(message: Any) -> int:
+    """Of a message object with a header [ns]."""
+    return int(message.header.stamp.sec) * _NS + int(message.header.stamp.nanosec)
 
 
 def encode(topic: str, message: Any, stamp_ns: int) -> RawMessage:

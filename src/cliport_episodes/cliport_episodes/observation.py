@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from cliport_episodes.capture_setup import CaptureSetup
 from cliport_episodes.errors import ObservationError
-from cliport_episodes.message_types import decode
+from cliport_episodes.message_types import decode, stamp_of
 from cliport_episodes.raw import RawMessage
 from cliport_perception.camera_model import CameraModel
 from cliport_perception.errors import FrameError, ImageError, PerceptionError
@@ -26,9 +26,9 @@ COLOR_TOPIC = "/camera/color/image_raw"
 CAMERA_TOPIC = "/camera/color/camera_info"
 DEPTH_TOPIC = "/camera/aligned_depth_to_color/image_raw"
 JOINTS_TOPIC = "/joint_states"
-TRANSFORM_TOPICS = ("/tf_static", "/tf")
+TF_STATIC_TOPIC = "/tf_static"
+TRANSFORM_TOPICS = (TF_STATIC_TOPIC, "/tf")
 OBSERVATION_TOPICS = (COLOR_TOPIC, CAMERA_TOPIC, DEPTH_TOPIC, JOINTS_TOPIC, *TRANSFORM_TOPICS)
-_NS = 1_000_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +64,7 @@ def observation_from_messages(messages: Iterable[RawMessage], where: str, setup:
     try:
         for raw in messages:
             if raw.topic in TRANSFORM_TOPICS:
-                _put(tree, decode(raw))
+                put_transforms(tree, decode(raw))
             elif raw.topic == JOINTS_TOPIC:  # arm and hand may each send their own
                 message = decode(raw)
                 joints |= {name: float(p) for name, p in zip(message.name, message.position)}
@@ -76,7 +76,7 @@ def observation_from_messages(messages: Iterable[RawMessage], where: str, setup:
                 sizes = f"{image.width}x{image.height} pixels, where camera_info says {info.width}x{info.height}"
                 raise ImageError(f"an image has {sizes}")
         return Observation(
-            stamp_ns=color.header.stamp.sec * _NS + color.header.stamp.nanosec,
+            stamp_ns=stamp_of(color),
             color=np.array(decode_color(_buffer(color))),  # the decoded message's own pixels cannot be drawn on
             depth_m=decode_depth(_buffer(depth)),
             camera=camera_from_info(info),
@@ -101,7 +101,8 @@ def camera_from_info(info: Any) -> CameraModel:
     )
 
 
-def _put(tree: TransformTree, message: Any) -> None:
+def put_transforms(tree: TransformTree, message: Any) -> None:
+    """Store what a TFMessage says. Raises ValueError when a number is not finite or a quaternion is zero."""
     for each in message.transforms:
         t, q = each.transform.translation, each.transform.rotation
         pose = Pose.from_quaternion_xyzw((q.x, q.y, q.z, q.w), (t.x, t.y, t.z))

@@ -22,6 +22,7 @@ from cliport_episodes.episode_folder import (
     TRASH,
     FolderLock,
     custom_data,
+    free_path,
     new_name,
     read_edits,
     read_own_setup,
@@ -181,7 +182,7 @@ class EpisodeWriter:
         with disk_errors(self.path):
             if self._steps:
                 trash.mkdir(exist_ok=True)
-                move(self.path, trash / self.name)
+                move(self.path, free_path(trash, self.name))
             else:
                 shutil.rmtree(self.path)
         self.close()

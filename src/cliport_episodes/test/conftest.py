@@ -13,7 +13,8 @@ import pytest
 from cliport_episodes.capture_setup import CaptureSetup
 from cliport_episodes.data_set import DataSet
 from cliport_episodes.demonstration import PixelBox, Source, StepRecord
-from cliport_episodes.message_types import encode, known_types
+from cliport_episodes.observation import Observation
+from cliport_episodes.observation_messages import messages_from_observation
 from cliport_episodes.raw import RawMessage
 from cliport_episodes.writer import EpisodeWriter
 from cliport_perception.camera_model import CameraModel
@@ -23,28 +24,6 @@ from cliport_perception.workspace import WorkspaceSpec
 
 SECOND = 1_000_000_000
 BEGIN = 1_700_000_000 * SECOND
-
-
-def make(name: str, /, **values: Any) -> Any:
-    return known_types().types[name](**values)
-
-
-def header(stamp_ns: int, frame: str) -> Any:
-    stamp = make("builtin_interfaces/msg/Time", sec=stamp_ns // SECOND, nanosec=stamp_ns % SECOND)
-    return make("std_msgs/msg/Header", stamp=stamp, frame_id=frame)
-
-
-def image(pixels: np.ndarray, encoding: str, stamp_ns: int) -> Any:
-    return make(
-        "sensor_msgs/msg/Image",
-        header=header(stamp_ns, "camera_optical"),
-        height=pixels.shape[0],
-        width=pixels.shape[1],
-        encoding=encoding,
-        is_bigendian=0,
-        step=pixels.nbytes // pixels.shape[0],
-        data=pixels.reshape(-1).view(np.uint8),
-    )
 
 
 @pytest.fixture
@@ -63,52 +42,19 @@ def scene(setup: CaptureSetup) -> Callable[[int], list[RawMessage]]:
     """The messages of the n-th moment; the transforms were sent once, a minute before the first."""
 
     def messages(moment: int) -> list[RawMessage]:
-        now = BEGIN + 10 * moment * SECOND
-        rng = np.random.default_rng(moment)
-        pose, k = setup.camera_in_base, setup.camera.matrix
-        q, t = pose.as_quaternion_xyzw(), pose.translation
-        transform = make(
-            "geometry_msgs/msg/Transform",
-            translation=make("geometry_msgs/msg/Vector3", x=t[0], y=t[1], z=t[2]),
-            rotation=make("geometry_msgs/msg/Quaternion", x=q[0], y=q[1], z=q[2], w=q[3]),
+        now, rng = BEGIN + 10 * moment * SECOND, np.random.default_rng(moment)
+        seen = Observation(
+            stamp_ns=now,
+            color=rng.integers(0, 255, (48, 64, 3), dtype=np.uint8),
+            depth_m=np.full((48, 64), 0.9 + 0.001 * moment, np.float32),
+            camera=setup.camera,
+            camera_in_base=setup.camera_in_base,
+            joint_positions={"panda_joint1": 0.1 * moment, "panda_finger_joint1": 0.04},
         )
-        link = make(
-            "geometry_msgs/msg/TransformStamped",
-            header=header(BEGIN, setup.base_frame),
-            child_frame_id=setup.camera_frame,
-            transform=transform,
-        )
-        info = make(
-            "sensor_msgs/msg/CameraInfo",
-            header=header(now, setup.camera_frame),
-            height=setup.camera.height,
-            width=setup.camera.width,
-            distortion_model="plumb_bob",
-            d=np.zeros(5),
-            k=k.reshape(-1),
-            r=np.eye(3).reshape(-1),
-            p=np.hstack([k, np.zeros((3, 1))]).reshape(-1),
-            binning_x=0,
-            binning_y=0,
-            roi=make("sensor_msgs/msg/RegionOfInterest", x_offset=0, y_offset=0, height=0, width=0, do_rectify=False),
-        )
-        joints = make(
-            "sensor_msgs/msg/JointState",
-            header=header(now, ""),
-            name=["panda_joint1", "panda_finger_joint1"],
-            position=np.array([0.1 * moment, 0.04]),
-            velocity=np.zeros(0),
-            effort=np.zeros(0),
-        )
-        color = rng.integers(0, 255, (48, 64, 3), dtype=np.uint8)
-        depth = np.full((48, 64), 900 + moment, dtype=np.uint16)
-        return [
-            encode("/camera/aligned_depth_to_color/image_raw", image(depth, "16UC1", now), now + 3_000_000),
-            encode("/camera/color/image_raw", image(color, "rgb8", now), now + 1_000_000),
-            encode("/camera/color/camera_info", info, now + 2_000_000),
-            encode("/joint_states", joints, now),
-            encode("/tf_static", make("tf2_msgs/msg/TFMessage", transforms=[link]), BEGIN - 60 * SECOND),
-        ]
+        _, joints, info, color, depth = messages_from_observation(seen, setup.camera_frame)
+        transforms, *_ = messages_from_observation(replace(seen, stamp_ns=BEGIN - 60 * SECOND), setup.camera_frame)
+        late = ((depth, 3), (color, 1), (info, 2), (joints, 0))
+        return [*(replace(each, stamp_ns=now + by * 1_000_000) for each, by in late), transforms]
 
     return messages
 

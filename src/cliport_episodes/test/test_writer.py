@@ -145,6 +145,10 @@ def test_discarding_goes_to_the_trash(
     empty = EpisodeWriter.create(data_set.path, data_set.setup)
     empty.discard()
     assert data_set.trashed() == [writer.name] and not empty.path.exists()
+    again = EpisodeWriter.create(data_set.path, data_set.setup, writer.name)
+    again.add_step(scene(0), record)
+    again.discard()
+    assert data_set.trashed() == [writer.name, f"{writer.name}-2"]
 
 
 def test_a_bad_instruction_adds_nothing(writer: EpisodeWriter, scene: Scene, record: StepRecord) -> None:

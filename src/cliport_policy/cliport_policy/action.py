@@ -40,6 +40,11 @@ class PickPlaceAction:
     done_probability: float
     maps: AffordanceMaps | None = None
 
+    @property
+    def confidence(self) -> float:
+        """Of the whole: the lesser of the two."""
+        return min(self.pick_confidence, self.place_confidence)
+
 
 @dataclass(frozen=True)
 class Explanation:

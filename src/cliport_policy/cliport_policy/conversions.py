@@ -37,6 +37,7 @@ def status_to_msg(status: ServerStatus, max_steps: int, stamp_ns: int) -> Policy
         instruction=status.instruction,
         step=status.step,
         max_steps=max_steps,
+        confidence=status.confidence,
     )
     message.header.stamp = stamp_to_msg(stamp_ns)
     return message

@@ -22,7 +22,7 @@ from cliport_perception.errors import PerceptionError
 from cliport_policy.comparison import Comparison, RecordedStep, Span, compare
 from cliport_policy.data.episode_folders import episodes_in
 from cliport_policy.data.plain_bags import plain_steps
-from cliport_policy.errors import InstructionError, PolicyError
+from cliport_policy.errors import ConfigError, InstructionError, PolicyError
 from cliport_policy.memory import trim_heap
 from cliport_policy.offline_report import REPORT_NAME, save_worst, table, write_report
 from cliport_policy.policy import Policy, load_policy
@@ -41,6 +41,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Entry point; returns the exit status."""
     args = _parser().parse_args(argv)
     try:
+        if args.worst < 0:
+            raise ConfigError(f"--worst is {args.worst}: give 0 or more")
         policy = load_policy(args.checkpoint)
         run = _Run(policy, args.worst, {ours: getattr(args, name) for name, ours in _TOPICS.items()})
         started = time.monotonic()

@@ -16,10 +16,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from cliport_policy.action import PickPlaceAction
 from cliport_policy.calibration import expected_calibration_error
 from cliport_policy.checkpoint import resolve_checkpoint, write_json
-from cliport_policy.data.demonstrations import DemonstrationSet, Index, load_demonstrations
-from cliport_policy.errors import ConfigError, DataError, PolicyError
+from cliport_policy.data.demonstrations import Demonstration, DemonstrationSet, Index, load_demonstrations
+from cliport_policy.errors import ConfigError, DataError, InstructionError, PolicyError
+from cliport_policy.peaks import CellGrid
 from cliport_policy.policy import Policy, load_policy
 from cliport_policy.reliability_plot import plot_reliability
 
@@ -33,12 +35,14 @@ class Reliability:
     finished, unfinished: the null action's probability there. confidence: the lesser one of pick and place where
     something was to be done, as the server takes it; right: whether both lie within 3 cm of the expert's,
     which is a lower bound: where several objects would do, another one than the expert's counts as wrong.
+    refused: of how many more the policy refused the sentence; they are in no share.
     """
 
     finished: NDArray[np.float64]
     unfinished: NDArray[np.float64]
     confidence: NDArray[np.float64]
     right: NDArray[np.bool_]
+    refused: int = 0
 
     def done_right(self, threshold: float) -> tuple[float, float]:
         """Shares of finished scenes called finished, and of unfinished ones not; NaN where there are none."""
@@ -54,6 +58,7 @@ class Reliability:
         return {
             "finished": len(self.finished),
             "unfinished": len(self.unfinished),
+            "refused": self.refused,
             "done": {str(t): [_number(share) for share in self.done_right(t)] for t in THRESHOLDS},
             "acted": {str(t): [_number(share) for share in self.acted(t)] for t in (0.0, *THRESHOLDS)},
             "calibration_error": expected_calibration_error(self.confidence, self.right),
@@ -79,6 +84,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     except OSError as error:
         print(f"error: can't write {args.out} ({error.strerror or error}): give another --out", file=sys.stderr)
         return 1
+    except KeyboardInterrupt:
+        print("\nerror: interrupted", file=sys.stderr)
+        return 130
     print(table(found))
     print(f"written: {args.out}, {args.out.with_suffix('.json')}")
     return 0
@@ -100,7 +108,8 @@ def measure(
 ) -> Reliability:
     """Of each of up to `count` episodes the finished scene, where there is one, and one unfinished, drawn at random.
 
-    Raises DataError where the data set has another workspace or nothing unfinished in it.
+    Raises DataError where the data set has another workspace, or nothing unfinished in it whose sentence the policy
+    takes.
     """
     if data.workspace != policy.workspace:
         raise DataError(
@@ -112,25 +121,30 @@ def measure(
         raise DataError(f"{data.folder} holds no scene in which something is to be done")
     goals = data.goal_frames()
     done: dict[bool, list[float]] = {True: [], False: []}
-    confidence, right = [], []
+    confidence, right, refusals = [], [], []
     for number, index in enumerate([*finished, *unfinished]):
         frame, demo = data.frames[index.frame], data.demo(index)
-        goal = goals.get(index.frame)
-        action = policy.infer(
-            data.observation(frame),
-            demo.instruction,
-            goal=None if goal is None else data.observation(data.frames[goal]),
-        )
-        done[demo.done].append(action.done_probability)
-        if not demo.done:
-            near = [
-                bool(policy.grid.disc(policy.grid.cell_of(expert))[policy.grid.cell_of(chosen)])
-                for chosen, expert in ((action.pick_pixel, demo.pick_pixel), (action.place_pixel, demo.place_pixel))
-            ]
-            confidence.append(min(action.pick_confidence, action.place_confidence))
-            right.append(all(near))
+        goal = None if index.frame not in goals else data.observation(data.frames[goals[index.frame]])
+        try:
+            action = policy.infer(data.observation(frame), demo.instruction, goal=goal)
+        except InstructionError as refusal:
+            refusals.append(str(refusal))
+        else:
+            done[demo.done].append(action.done_probability)
+            if not demo.done:
+                confidence.append(action.confidence)
+                right.append(_is_right(policy.grid, action, demo))
         tell(number + 1, len(finished) + len(unfinished))
-    return Reliability(np.array(done[True]), np.array(done[False]), np.array(confidence), np.array(right, bool))
+    if not right:
+        raise DataError(f"the policy refuses every sentence of {data.folder}, as in: {refusals[-1]}")
+    return Reliability(
+        np.array(done[True]), np.array(done[False]), np.array(confidence), np.array(right, bool), len(refusals)
+    )
+
+
+def _is_right(grid: CellGrid, action: PickPlaceAction, expert: Demonstration) -> bool:
+    ends = ((action.pick_pixel, expert.pick_pixel), (action.place_pixel, expert.place_pixel))
+    return all(grid.disc(grid.cell_of(theirs))[grid.cell_of(ours)] for ours, theirs in ends)
 
 
 def _draw(data: DemonstrationSet, count: int) -> tuple[list[Index], list[Index]]:
@@ -154,6 +168,7 @@ def table(found: Reliability) -> str:
     return "\n".join(
         [
             f"{len(found.finished)} finished and {len(found.unfinished)} unfinished scenes",
+            f"{found.refused} more refused for their sentence",
             f"{'done threshold':>14} {'finished called so':>21} {'unfinished not called so':>26}",
             *(row(t, found.done_right(t)) for t in THRESHOLDS),
             f"{'min_confidence':>14} {'acted on':>21} {'of these right':>26}",

@@ -15,7 +15,8 @@ import torch
 from cliport_episodes.capture_setup import CaptureSetup
 from cliport_episodes.data_set import DataSet
 from cliport_episodes.demonstration import Source, StepRecord
-from cliport_episodes.message_types import encode, known_types
+from cliport_episodes.observation import Observation
+from cliport_episodes.observation_messages import messages_from_observation
 from cliport_episodes.raw import RawMessage
 from cliport_episodes.writer import EpisodeWriter
 from cliport_perception.camera_model import CameraModel
@@ -241,72 +242,8 @@ def camera_messages(pick: PlanarPose, place: PlanarPose, stamp_ns: int) -> list[
     color = np.full((camera.height, camera.width, 3), 200, np.uint8)
     for at, name in ((place, "blue"), (pick, "red")):
         color[(np.abs(xy - (at.x, at.y)) < HALF_SIDE[name]).all(axis=-1)] = COLORS[name]
-    return [_transform(stamp_ns), _info(stamp_ns), *_images(color, np.round(1000 * depth).astype("<u2"), stamp_ns)]
-
-
-def _message(name: str, **values: object) -> object:
-    return known_types().types[name](**values)
-
-
-def _header(stamp_ns: int, frame: str) -> object:
-    time = _message("builtin_interfaces/msg/Time", sec=stamp_ns // 10**9, nanosec=stamp_ns % 10**9)
-    return _message("std_msgs/msg/Header", stamp=time, frame_id=frame)
-
-
-def _images(color: np.ndarray, depth: np.ndarray, stamp_ns: int) -> list[RawMessage]:
-    made = []
-    for topic, pixels, encoding in (
-        ("/camera/color/image_raw", color, "rgb8"),
-        ("/camera/aligned_depth_to_color/image_raw", depth, "16UC1"),
-    ):
-        data = pixels.reshape(len(pixels), -1).view(np.uint8)
-        image = _message(
-            "sensor_msgs/msg/Image",
-            header=_header(stamp_ns, SETUP.camera_frame),
-            height=pixels.shape[0],
-            width=pixels.shape[1],
-            encoding=encoding,
-            is_bigendian=0,
-            step=data.shape[1],
-            data=data.reshape(-1),
-        )
-        made.append(encode(topic, image, stamp_ns))
-    return made
-
-
-def _info(stamp_ns: int) -> RawMessage:
-    camera = SETUP.camera
-    info = _message(
-        "sensor_msgs/msg/CameraInfo",
-        header=_header(stamp_ns, SETUP.camera_frame),
-        height=camera.height,
-        width=camera.width,
-        distortion_model="plumb_bob",
-        d=np.zeros(5),
-        k=camera.matrix.reshape(-1),
-        r=np.eye(3).reshape(-1),
-        p=np.zeros(12),
-        binning_x=0,
-        binning_y=0,
-        roi=_message("sensor_msgs/msg/RegionOfInterest", x_offset=0, y_offset=0, height=0, width=0, do_rectify=False),
-    )
-    return encode("/camera/color/camera_info", info, stamp_ns)
-
-
-def _transform(stamp_ns: int) -> RawMessage:
-    x, y, z = SETUP.camera_in_base.translation.tolist()
-    qx, qy, qz, qw = SETUP.camera_in_base.as_quaternion_xyzw().tolist()
-    transform = _message(
-        "geometry_msgs/msg/TransformStamped",
-        header=_header(stamp_ns, SETUP.base_frame),
-        child_frame_id=SETUP.camera_frame,
-        transform=_message(
-            "geometry_msgs/msg/Transform",
-            translation=_message("geometry_msgs/msg/Vector3", x=x, y=y, z=z),
-            rotation=_message("geometry_msgs/msg/Quaternion", x=qx, y=qy, z=qz, w=qw),
-        ),
-    )
-    return encode("/tf_static", _message("tf2_msgs/msg/TFMessage", transforms=[transform]), stamp_ns)
+    seen = Observation(stamp_ns, color, depth.astype(np.float32), camera, pose, {})
+    return messages_from_observation(seen, SETUP.camera_frame, SETUP.base_frame)
 
 
 def write_episode(

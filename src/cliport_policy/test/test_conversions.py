@@ -43,9 +43,9 @@ def test_goal() -> None:
 
 
 def test_status_and_its_constants() -> None:
-    message = c.status_to_msg(ServerStatus(ServerState.FAILED, "why", "what", 3), 8, 5)
+    message = c.status_to_msg(ServerStatus(ServerState.FAILED, "why", "what", 3, 0.5), 8, 5)
     assert (message.state, message.message, message.instruction) == (6, "why", "what")
-    assert (message.step, message.max_steps) == (3, 8)
+    assert (message.step, message.max_steps, message.confidence) == (3, 8, 0.5)
     for state in ServerState:
         assert getattr(PolicyStatus, f"STATE_{state.name}") == state
 

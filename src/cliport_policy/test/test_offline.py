@@ -118,6 +118,11 @@ def test_a_plain_bag_gives_what_the_episode_gives(
     assert steps[1][0]["source"] == "plain"
 
 
+def test_a_negative_number_of_pictures_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["--bag", str(tmp_path), "--worst", "-1"]) == 1
+    assert capsys.readouterr().err == "error: --worst is -1: give 0 or more\n"
+
+
 @pytest.mark.parametrize(
     ("without", "message"),
     [

@@ -54,3 +54,22 @@ def test_data_of_another_workspace_are_refused(
     assert main(["--checkpoint", str(path), "--data", str(data), "--out", str(tmp_path / "p.png")]) == 1
     assert "give data of the workspace that it was trained in" in capsys.readouterr().err
     assert not (tmp_path / "p.png").exists()
+
+
+def test_sentences_that_the_policy_refuses_are_counted(
+    tiny_checkpoint: Callable[..., Path], make_flat_set: Callable[..., Path], tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    path, data = tiny_checkpoint("compact"), make_flat_set(tmp_path / "data", 2, actions=1, pixel_size=0.0125)
+    odd = make_flat_set(
+        tmp_path / "odd", 1, actions=1, pixel_size=0.0125, task="odd", sentence="qwertz uiop asdf", finish=False
+    )
+    arguments = ["--checkpoint", str(path), "--out", str(tmp_path / "picture.png")]
+    assert main([*arguments, "--data", str(odd)]) == 1
+    error = capsys.readouterr().err.splitlines()[-1]
+    assert error.startswith(f"error: the policy refuses every sentence of {odd}") and "'qwertz uiop asdf'" in error
+    (odd / "part-00000.parquet").rename(data / "part-00001.parquet")
+    assert main([*arguments, "--data", str(data)]) == 0
+    assert "2 finished and 2 unfinished scenes\n1 more refused for their sentence\n" in capsys.readouterr().out
+    written = json.loads((tmp_path / "picture.json").read_text())
+    assert (written["finished"], written["unfinished"], written["refused"]) == (2, 2, 1)

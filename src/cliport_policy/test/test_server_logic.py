@@ -370,6 +370,7 @@ def test_approval_comes_before_every_motion() -> None:
     world.think()
     assert world.state == ServerState.WAITING_FOR_APPROVAL
     assert world.proposals
+    assert [status.confidence for status in world.statuses] == [0.0, 0.0, 0.9]  # known when it waits
     world.wait(20.0)
     assert not world.goals
     assert world.server.approve(world.now).success

@@ -234,7 +234,7 @@ def test_approval_is_waited_for(graph: Callable[..., Graph]) -> None:
     assert not world.call("approve").success
     world.say("put the red blocks in the green bowl")
     assert world.reaches(PolicyStatus.STATE_WAITING_FOR_APPROVAL)
-    assert not world.goals
+    assert world.statuses[-1].confidence == 0.8 and not world.goals
     assert world.call("approve").success
     assert world.reaches(PolicyStatus.STATE_DONE)
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import struct
-
 import numpy as np
 from geometry_msgs.msg import Pose as PoseMsg
 from rclpy.serialization import deserialize_message
@@ -23,30 +21,12 @@ from cliport_perception.conversions import (
     pose_to_msg,
     stamp_to_msg,
 )
-from cliport_perception.errors import ImageError
 from cliport_perception.pose import PlanarPose
 from cliport_perception.primitive import Outcome
 from demo_tool.live_view import ColorImage, DepthImage
 from demo_tool.ports import ArmResult, PickPlaceGoal, PolicyState
 
-_CDR_HEAD = 4  # bytes of encapsulation before the message; the second says the byte order
 _UNSEEN = 40  # grey of cells that were not seen
-
-
-def header_of_raw(raw: bytes) -> tuple[int, str]:
-    """Stamp [ns] and frame of a serialized message that begins with a std_msgs/Header, the rest unread.
-
-    Raises:
-        ImageError: when it is too short for one.
-    """
-    order = "<" if len(raw) > 1 and raw[1] & 1 else ">"
-    try:
-        seconds, nanoseconds, length = struct.unpack_from(f"{order}iII", raw, _CDR_HEAD)
-    except struct.error:
-        raise ImageError(f"a message of {len(raw)} bytes has no header") from None
-    begin = _CDR_HEAD + 12
-    frame = bytes(raw[begin : begin + max(length - 1, 0)]).decode(errors="replace")
-    return seconds * 1_000_000_000 + nanoseconds, frame
 
 
 def color_from_raw(raw: bytes) -> ColorImage:
@@ -96,6 +76,12 @@ def policy_state_from_msg(message: PolicyStatus) -> PolicyState:
     """A state that this version does not know counts as failed."""
     known = {int(state): state for state in PolicyState}
     return known.get(int(message.state), PolicyState.FAILED)
+
+
+def confidence_from_msg(message: PolicyStatus) -> float | None:
+    """How sure the policy is of what waits for approval, 0 to 1; None where nothing waits or it is no such number."""
+    waits = policy_state_from_msg(message) is PolicyState.WAITING_FOR_APPROVAL
+    return float(message.confidence) if waits and 0.0 <= message.confidence <= 1.0 else None
 
 
 def goal_to_msg(goal: PickPlaceGoal, base_frame: str) -> PickPlace.Goal:

@@ -10,10 +10,9 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
-from cliport_episodes.message_types import encode, known_types
-from cliport_episodes.raw import RawMessage
+from cliport_episodes.observation import Observation
+from cliport_episodes.observation_messages import messages_from_observation
 from cliport_perception.camera_model import CameraModel
 from cliport_perception.pose import PlanarPose, Pose
 from cliport_perception.primitive import Outcome
@@ -33,6 +32,7 @@ _PHASES = (
     "RETREAT",
 )
 _FRAME = "camera_color_optical_frame"
+_JOINTS = [f"panda_joint{i}" for i in range(1, 8)]
 _TABLE_COLOR = (122, 112, 102)
 
 
@@ -68,7 +68,8 @@ class FakeTable:
         """What the camera sees of it now, with the messages that a real one would have sent."""
         color, depth = self._cast()
         received = stamp_ns if received_ns is None else received_ns
-        raw = messages_of(color, depth, self.camera, self.camera_in_base, stamp_ns, received)
+        seen = Observation(stamp_ns, color, depth, self.camera, self.camera_in_base, dict.fromkeys(_JOINTS, 0.0))
+        raw = tuple(messages_from_observation(seen, _FRAME, received_ns=received))
         return LiveView(stamp_ns, received, _FRAME, self.camera, self.camera_in_base, raw, lambda: color, lambda: depth)
 
     def box_around(self, block: Block, margin: int = 3) -> list[int]:
@@ -117,51 +118,6 @@ class FakeTable:
 @lru_cache(maxsize=4)
 def _camera(width: int, height: int, focal: float) -> CameraModel:
     return CameraModel(width, height, focal, focal, width / 2.0, height / 2.0)
-
-
-def messages_of(
-    color: ColorImage, depth_m: DepthImage, camera: CameraModel, camera_in_base: Pose, stamp_ns: int, received_ns: int
-) -> tuple[RawMessage, ...]:
-    """Colour, depth, camera_info, /tf_static and /joint_states as they would come over the wire."""
-    types = known_types().types
-    stamp = types["builtin_interfaces/msg/Time"](stamp_ns // 10**9, stamp_ns % 10**9)
-    header = types["std_msgs/msg/Header"](stamp, _FRAME)
-
-    def image(pixels: npt.NDArray[np.generic], encoding: str) -> object:
-        step = pixels.strides[0]
-        return types["sensor_msgs/msg/Image"](
-            header,
-            pixels.shape[0],
-            pixels.shape[1],
-            encoding,
-            0,
-            step,
-            np.ascontiguousarray(pixels).view(np.uint8).ravel(),
-        )
-
-    k = camera.matrix
-    roi = types["sensor_msgs/msg/RegionOfInterest"](0, 0, 0, 0, False)
-    p = np.hstack([k, np.zeros((3, 1))]).ravel()
-    info = types["sensor_msgs/msg/CameraInfo"](
-        header, camera.height, camera.width, "plumb_bob", np.zeros(5), k.ravel(), np.eye(3).ravel(), p, 0, 0, roi
-    )
-    x, y, z = (float(v) for v in camera_in_base.translation)
-    quaternion = types["geometry_msgs/msg/Quaternion"](*(float(v) for v in camera_in_base.as_quaternion_xyzw()))
-    transform = types["geometry_msgs/msg/Transform"](types["geometry_msgs/msg/Vector3"](x, y, z), quaternion)
-    base = types["std_msgs/msg/Header"](stamp, "panda_link0")
-    link = types["geometry_msgs/msg/TransformStamped"](base, _FRAME, transform)
-    names = [f"panda_joint{i}" for i in range(1, 8)]
-    joints = types["sensor_msgs/msg/JointState"](
-        types["std_msgs/msg/Header"](stamp, ""), names, np.zeros(7), np.zeros(7), np.zeros(7)
-    )
-    messages = {
-        "/camera/color/image_raw": image(color, "rgb8"),
-        "/camera/aligned_depth_to_color/image_raw": image(np.nan_to_num(depth_m, nan=0.0), "32FC1"),
-        "/camera/color/camera_info": info,
-        "/tf_static": types["tf2_msgs/msg/TFMessage"]([link]),
-        "/joint_states": joints,
-    }
-    return tuple(encode(topic, message, received_ns) for topic, message in messages.items())
 
 
 @dataclass
@@ -240,9 +196,9 @@ class FakePolicy:
     def __init__(self, pick: PlanarPose, place: PlanarPose, waits: bool | None = True) -> None:
         self.pick, self.place, self.waits = pick, place, waits
         self.heard: list[str] = []
-        self.on_status: Callable[[PolicyState, str, str], None] = lambda *_: None
+        self.on_status: Callable[[PolicyState, str, str, float | None], None] = lambda *_: None
         self.on_pose: Callable[[str, PlanarPose, int], None] = lambda *_: None
-        self.failure = ""
+        self.failure, self.confidence = "", 0.83
 
     def ask_whether_it_waits(self, on_answer: Callable[[bool | None], None]) -> None:
         """As set."""
@@ -252,12 +208,13 @@ class FakePolicy:
         """Propose at once; an empty text drops."""
         self.heard.append(text)
         if not text:
-            self.on_status(PolicyState.IDLE, "stopped by an empty instruction", "")
+            self.on_status(PolicyState.IDLE, "stopped by an empty instruction", "", None)
         elif self.failure:
-            self.on_status(PolicyState.FAILED, self.failure, text)
+            self.on_status(PolicyState.FAILED, self.failure, text, None)
         else:
-            self.on_status(PolicyState.PROPOSING, "choosing", text)
+            self.on_status(PolicyState.PROPOSING, "choosing", text, None)
             stamp_ns = time.monotonic_ns()
             self.on_pose("pick", self.pick, stamp_ns)
             self.on_pose("place", self.place, stamp_ns)
-            self.on_status(PolicyState.WAITING_FOR_APPROVAL, "waiting for a call of /cliport/approve", text)
+            waiting = "waiting for a call of /cliport/approve"
+            self.on_status(PolicyState.WAITING_FOR_APPROVAL, waiting, text, self.confidence)

@@ -15,11 +15,15 @@ _CHECK_TIMEOUT = 3.0  # for the server to say how it is set [s]
 
 @dataclass(frozen=True)
 class Proposal:
-    """Where the policy would pick and place [m, rad, base frame], for an instruction."""
+    """Where the policy would pick and place [m, rad, base frame], for an instruction.
+
+    confidence: how sure it is, 0 to 1; None where it does not say.
+    """
 
     instruction: str
     pick: PlanarPose
     place: PlanarPose
+    confidence: float | None = None
 
 
 class _Stage(Enum):
@@ -48,6 +52,7 @@ class ProposalRequest:
         self._deadline = 0.0
         self._poses: dict[str, tuple[PlanarPose, int]] = {}
         self._waits = False
+        self._confidence: float | None = None
 
     def begin(self, now: float) -> None:
         """now: of a steady clock [s]."""
@@ -75,8 +80,8 @@ class ProposalRequest:
             self._stage, self._deadline = _Stage.ASKED, began + self._config.proposal_timeout
             self._policy.instruct(self.instruction)
 
-    def on_status(self, state: PolicyState, message: str, instruction: str) -> None:
-        """The server is in a state."""
+    def on_status(self, state: PolicyState, message: str, instruction: str, confidence: float | None) -> None:
+        """The server is in a state; confidence: in what waits for approval."""
         if self._stage is not _Stage.ASKED or instruction != _as_the_server_has_it(self.instruction):
             return
         if state is PolicyState.FAILED:
@@ -86,7 +91,7 @@ class ProposalRequest:
         elif state is PolicyState.EXECUTING:
             self.cancel("the policy server began to move without approval and was told to stop")
         elif state is PolicyState.WAITING_FOR_APPROVAL:
-            self._waits = True
+            self._waits, self._confidence = True, confidence
             self._finish_when_complete()
 
     def on_pose(self, which: str, pose: PlanarPose, stamp_ns: int) -> None:
@@ -103,7 +108,8 @@ class ProposalRequest:
     def _finish_when_complete(self) -> None:
         if not self._waits or len({stamp for _, stamp in self._poses.values()}) != 1 or len(self._poses) < 2:
             return
-        proposal = Proposal(self.instruction, self._poses["pick"][0], self._poses["place"][0])
+        pick, place = (self._poses[which][0] for which in ("pick", "place"))
+        proposal = Proposal(self.instruction, pick, place, self._confidence)
         self._policy.instruct("")
         self._end(proposal, "")
 

@@ -11,11 +11,13 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import CameraInfo, Image, JointState
 from tf2_msgs.msg import TFMessage
 
+from cliport_episodes.observation import CAMERA_TOPIC, COLOR_TOPIC, DEPTH_TOPIC, JOINTS_TOPIC, TF_STATIC_TOPIC
 from cliport_episodes.raw import RawMessage
 from cliport_perception.adaptive_subscription import AdaptiveSubscription
 from cliport_perception.camera_model import CameraModel
 from cliport_perception.conversions import pose_from_transform_msg
 from cliport_perception.errors import ImageError, PerceptionError
+from cliport_perception.raw_header import header_of_raw
 from cliport_perception.sync import ApproximateSync
 from cliport_perception.throttle import MessageThrottle
 from cliport_perception.transforms import TransformTree
@@ -23,18 +25,12 @@ from demo_tool.conversions import (
     camera_from_raw,
     color_from_raw,
     depth_from_raw,
-    header_of_raw,
     joint_names_from_raw,
     transforms_from_raw,
 )
 from demo_tool.live_view import LiveView
 from demo_tool.station import Station
 
-COLOR = "/camera/color/image_raw"
-CAMERA_INFO = "/camera/color/camera_info"
-DEPTH = "/camera/aligned_depth_to_color/image_raw"
-TF_STATIC = "/tf_static"
-JOINT_STATES = "/joint_states"
 _SLOP_NS = 20_000_000
 _COMPLAINT_PERIOD = 10.0  # [s]
 _PATIENCE = 3.0  # before the first complaint is logged: nodes start in any order [s]
@@ -54,14 +50,14 @@ class RosCamera:
         self._throttle = MessageThrottle(_COMPLAINT_PERIOD)
         self._began = time.monotonic()
         self._inputs = [
-            AdaptiveSubscription(node, Image, COLOR, partial(self._on_image, "color", COLOR), raw=True),
-            AdaptiveSubscription(node, Image, DEPTH, partial(self._on_image, "depth", DEPTH), raw=True),
-            AdaptiveSubscription(node, CameraInfo, CAMERA_INFO, self._on_camera_info, raw=True),
+            AdaptiveSubscription(node, Image, COLOR_TOPIC, partial(self._on_image, "color", COLOR_TOPIC), raw=True),
+            AdaptiveSubscription(node, Image, DEPTH_TOPIC, partial(self._on_image, "depth", DEPTH_TOPIC), raw=True),
+            AdaptiveSubscription(node, CameraInfo, CAMERA_TOPIC, self._on_camera_info, raw=True),
         ]
         latched = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        node.create_subscription(TFMessage, TF_STATIC, self._on_static, latched, raw=True)
+        node.create_subscription(TFMessage, TF_STATIC_TOPIC, self._on_static, latched, raw=True)
         newest = QoSProfile(depth=2, reliability=ReliabilityPolicy.BEST_EFFORT)
-        node.create_subscription(JointState, JOINT_STATES, self._on_joints, newest, raw=True)
+        node.create_subscription(JointState, JOINTS_TOPIC, self._on_joints, newest, raw=True)
 
     def adapt(self) -> None:
         """Look whether the camera's publishers are reliable; call now and then."""
@@ -70,7 +66,7 @@ class RosCamera:
 
     def _on_static(self, raw: bytes) -> None:
         links = transforms_from_raw(raw).transforms
-        self._static[frozenset(link.child_frame_id for link in links)] = self._raw(TF_STATIC, TFMessage, raw)
+        self._static[frozenset(link.child_frame_id for link in links)] = self._raw(TF_STATIC_TOPIC, TFMessage, raw)
         for link in links:
             try:
                 pose = pose_from_transform_msg(link.transform)
@@ -80,10 +76,10 @@ class RosCamera:
             self._transforms.put(link.header.frame_id, link.child_frame_id, pose)
 
     def _on_joints(self, raw: bytes) -> None:
-        self._joints[joint_names_from_raw(raw)] = self._raw(JOINT_STATES, JointState, raw)
+        self._joints[joint_names_from_raw(raw)] = self._raw(JOINTS_TOPIC, JointState, raw)
 
     def _on_camera_info(self, raw: bytes) -> None:
-        self._info = self._raw(CAMERA_INFO, CameraInfo, raw)
+        self._info = self._raw(CAMERA_TOPIC, CameraInfo, raw)
 
     def _on_image(self, stream: str, topic: str, raw: bytes) -> None:
         message = self._raw(topic, Image, raw)
@@ -96,7 +92,7 @@ class RosCamera:
 
     def _view(self, color: RawMessage, depth: RawMessage) -> LiveView:
         if self._info is None:
-            raise ImageError(f"images come, but nothing on {CAMERA_INFO}")
+            raise ImageError(f"images come, but nothing on {CAMERA_TOPIC}")
         stamp_ns, frame = header_of_raw(depth.data)
         color_frame = header_of_raw(color.data)[1]
         if color_frame != frame:

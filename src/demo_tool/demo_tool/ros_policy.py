@@ -16,9 +16,10 @@ from std_msgs.msg import String
 
 from cliport_interfaces.msg import Heightmap, PolicyStatus
 from cliport_perception.conversions import stamp_from_msg
+from cliport_perception.raw_header import header_of_raw
 from demo_tool.conversions import (
     color_from_raw,
-    header_of_raw,
+    confidence_from_msg,
     planar_pose_from_msg,
     policy_state_from_msg,
     scene_from_raw,
@@ -69,7 +70,8 @@ class RosPolicy:
     def _on_status(self, message: PolicyStatus) -> None:
         if self._station is not None:
             state = policy_state_from_msg(message)
-            self._station.on_policy_status(state, str(message.message), str(message.instruction))
+            words, instruction = str(message.message), str(message.instruction)
+            self._station.on_policy_status(state, words, instruction, confidence_from_msg(message))
 
     def _on_pose(self, kind: str, message: PoseStamped) -> None:
         if self._station is None or message.header.frame_id != self._base_frame:

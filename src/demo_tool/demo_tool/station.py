@@ -100,12 +100,14 @@ class Station:
         """A picture of what the policy thinks came, of its "pick" or "place"; `read` decodes it, RGB."""
         self._feeds[f"{which}_affordance"].put(stamp_ns, read)
 
-    def on_policy_status(self, state: PolicyState, message: str, instruction: str) -> None:
-        """The policy server is in a state."""
+    def on_policy_status(
+        self, state: PolicyState, message: str, instruction: str, confidence: float | None = None
+    ) -> None:
+        """The policy server is in a state; confidence: in what waits for approval, 0 to 1, None where not known."""
         with self._bulletin.lock:
             self._policy_state, self._policy_words = state.name.lower(), policy_words(state, message)
             if self._work.request is not None:
-                self._work.request.on_status(state, message, instruction)
+                self._work.request.on_status(state, message, instruction, confidence)
             self._bulletin.touch()
 
     def on_policy_pose(self, which: str, pose: PlanarPose, stamp_ns: int) -> None:
@@ -270,7 +272,7 @@ class Station:
             return None
         workspace, z = self.config.workspace, self.config.box.table_z
         ends = (("pick", proposal.pick), ("place", proposal.place))
-        shown: dict[str, Any] = {"instruction": proposal.instruction, "confidence": None}
+        shown: dict[str, Any] = {"instruction": proposal.instruction, "confidence": proposal.confidence}
         for which, pose in ends:
             shown[f"{which}_pixel"] = to_pixels(view, np.array([[pose.x, pose.y, z]]))[0]
             shown[f"{which}_rotation"] = workspace.bin_of_yaw(pose.yaw)

@@ -21,6 +21,7 @@ def test_a_proposal_becomes_the_draft_and_the_servers_goal_is_dropped(asked) -> 
     asked.do("propose")
     proposal = asked.view["policy"]["proposal"]
     assert proposal["pick_rotation"] == 0 and proposal["instruction"] == "put the red block aside"
+    assert proposal["confidence"] == 0.83
     assert asked.policy.heard == ["put the red block aside", ""]  # dropped before anything is executed
     asked.do("correct")
     draft = asked.view["draft"]
@@ -114,7 +115,7 @@ def test_poses_of_two_observations_are_not_mixed(asked) -> None:
     asked.station.on_policy_pose("place", pose, 2)
     assert asked.state == "proposing"
     asked.station.on_policy_pose("pick", pose, 2)
-    assert asked.view["policy"]["proposal"] is not None
+    assert asked.view["policy"]["proposal"]["confidence"] is None  # the server did not say
 
 
 def test_a_proposal_out_of_the_picture(asked) -> None:

@@ -12,7 +12,6 @@ import rclpy
 from geometry_msgs.msg import PoseStamped, TransformStamped
 from rclpy.action import CancelResponse
 from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
-from rclpy.serialization import serialize_message
 from ros_domain import next_domain
 from sensor_msgs.msg import CameraInfo, Image, JointState
 from std_msgs.msg import Empty, String
@@ -58,6 +57,7 @@ class World:
             kind: node.create_publisher(PoseStamped, f"/cliport/{kind}_pose", 2) for kind in ("pick", "place")
         }
         node.create_subscription(String, "/cliport/instruction", self._on_instruction, 10)
+        self.confidence = 0.75
         self.heard: list[str] = []
         self.called: list[str] = []
         for name in ("/panda_executor/stop", "/cliport/stop", "/panda_executor/resume", "/cliport/resume"):
@@ -123,7 +123,9 @@ class World:
             sent.header.stamp, sent.header.frame_id = stamp, "panda_link0"
             self.poses[kind].publish(sent)
         waiting = PolicyStatus.STATE_WAITING_FOR_APPROVAL
-        self.status.publish(PolicyStatus(state=waiting, instruction=message.data, message="waiting"))
+        self.status.publish(
+            PolicyStatus(state=waiting, instruction=message.data, message="waiting", confidence=self.confidence)
+        )
 
 
 class Rig:
@@ -229,7 +231,7 @@ def test_stop_reaches_all_who_move(rig: Rig) -> None:
 def test_a_proposal_is_fetched_and_dropped(rig: Rig) -> None:
     rig.do("propose")
     proposal = rig.until(lambda view: view["policy"]["proposal"])["policy"]["proposal"]
-    assert (proposal["pick_rotation"], proposal["place_rotation"]) == (0, 6)
+    assert (proposal["pick_rotation"], proposal["place_rotation"]) == (0, 6) and proposal["confidence"] == 0.75
     rig.until(lambda _: rig.world.heard == ["put the red block aside", ""])
     rig.do("correct")
     assert rig.view["draft"]["source"] == "proposed"
@@ -258,6 +260,13 @@ def test_an_executor_that_dies_on_the_way(rig: Rig) -> None:
         rig.do("execute")
 
 
+@pytest.mark.parametrize(("said", "shown"), [(0.25, 0.25), (0.0, 0.0), (float("nan"), None), (1.5, None)])
+def test_a_confidence_is_a_share_of_one_or_not_known(said: float, shown: float | None) -> None:
+    waiting, executing = PolicyStatus.STATE_WAITING_FOR_APPROVAL, PolicyStatus.STATE_EXECUTING
+    assert conversions.confidence_from_msg(PolicyStatus(state=waiting, confidence=said)) == shown
+    assert conversions.confidence_from_msg(PolicyStatus(state=executing, confidence=said)) is None
+
+
 def test_goals_and_results_keep_their_meaning() -> None:
     result = PickPlace.Result(outcome=5, message=" two\nlines ", gripper_width=0.01)
     assert conversions.result_from_msg(result, False) == ArmResult(Outcome.GRASP_MISSED, "two lines", None, 0.01)
@@ -265,13 +274,3 @@ def test_goals_and_results_keep_their_meaning() -> None:
     assert conversions.result_from_msg(result, True).grasp_centroid == (0.4, 0.0, 0.0)
     assert conversions.result_from_msg(PickPlace.Result(), False).outcome is Outcome.EXECUTION_FAILED
     assert conversions.result_from_msg(PickPlace.Result(outcome=99), True).outcome is Outcome.EXECUTION_FAILED
-
-
-def test_headers_are_read_without_the_rest() -> None:
-    message = Image(height=1, width=1, encoding="rgb8", step=3, data=[1, 2, 3])
-    message.header.stamp, message.header.frame_id = shared.stamp_to_msg(12_000_000_034), FRAME
-    raw = serialize_message(message)
-    assert conversions.header_of_raw(raw) == (12_000_000_034, FRAME)
-    assert conversions.color_from_raw(raw).tolist() == [[[1, 2, 3]]]
-    with pytest.raises(shared.ImageError, match="no header"):
-        conversions.header_of_raw(raw[:10])

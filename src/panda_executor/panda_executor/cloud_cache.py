@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-import struct
 import threading
 
+from cliport_perception.errors import ImageError
+from cliport_perception.raw_header import header_of_raw
 from panda_executor.errors import RequestError
-
-_STAMP = struct.Struct("<iI")
-_CDR_HEADER = 4  # bytes of encapsulation before the message; a Header's stamp is its first field
 
 
 def stamp_of_raw(raw: bytes) -> int:
     """Nanoseconds of a serialized message that begins with a std_msgs/Header; 0 when it is too short."""
-    if len(raw) < _CDR_HEADER + _STAMP.size:
+    try:
+        return header_of_raw(raw)[0]
+    except ImageError:
         return 0
-    seconds, nanoseconds = _STAMP.unpack_from(raw, _CDR_HEADER)
-    return int(seconds) * 1_000_000_000 + int(nanoseconds)
 
 
 class CloudCache:

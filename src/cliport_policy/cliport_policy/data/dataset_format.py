@@ -14,6 +14,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from cliport_perception.heightmap import Heightmap
+from cliport_perception.pose import PlanarPose
+from cliport_perception.primitive import Primitive
 from cliport_perception.workspace import WorkspaceSpec
 from cliport_policy.errors import DataError
 
@@ -73,6 +75,28 @@ class Demo:
     place_row: int = -1
     place_col: int = -1
     place_yaw: float = 0.0
+
+    @classmethod
+    def of_action(
+        cls,
+        instruction: str,
+        primitive: Primitive,
+        pick: PlanarPose,
+        pick_yaw_period: float,
+        place: PlanarPose,
+        workspace: WorkspaceSpec,
+    ) -> Demo:
+        """An action on the workspace's heightmap. Raises PixelOutsideError."""
+        return cls(
+            instruction,
+            False,
+            primitive.name.lower(),
+            *workspace.xy_to_pixel(pick.x, pick.y),
+            pick.yaw,
+            pick_yaw_period,
+            *workspace.xy_to_pixel(place.x, place.y),
+            place.yaw,
+        )
 
 
 @dataclass(frozen=True, eq=False)

@@ -163,20 +163,7 @@ def _demo_or_count(step: Step, workspace: WorkspaceSpec, tally: Tally) -> Demo |
 
 def demo_of(record: StepRecord, workspace: WorkspaceSpec) -> Demo:
     """A step as a label on the heightmap. Raises PixelOutsideError."""
-    pick_row, pick_col = workspace.xy_to_pixel(record.pick.x, record.pick.y)
-    place_row, place_col = workspace.xy_to_pixel(record.place.x, record.place.y)
-    return Demo(
-        record.instruction,
-        False,
-        record.primitive.name.lower(),
-        pick_row,
-        pick_col,
-        record.pick.yaw,
-        JAWS_PERIOD,
-        place_row,
-        place_col,
-        record.place.yaw,
-    )
+    return Demo.of_action(record.instruction, record.primitive, record.pick, JAWS_PERIOD, record.place, workspace)
 
 
 def _outcome_words(outcome: int) -> str:

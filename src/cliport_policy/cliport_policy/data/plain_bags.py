@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import struct
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
@@ -11,24 +10,25 @@ from typing import Any
 
 from cliport_episodes.bags import decode, read_messages
 from cliport_episodes.capture_setup import CaptureSetup
-from cliport_episodes.demonstration_messages import INSTRUCTION_TOPIC, PICK_TOPIC, PLACE_TOPIC
+from cliport_episodes.demonstration_messages import INSTRUCTION_TOPIC, PICK_TOPIC, PLACE_TOPIC, planar_from_message
+from cliport_episodes.message_types import stamp_of
 from cliport_episodes.observation import (
     CAMERA_TOPIC,
     COLOR_TOPIC,
     DEPTH_TOPIC,
     TRANSFORM_TOPICS,
+    camera_from_info,
     observation_from_messages,
+    put_transforms,
 )
 from cliport_episodes.raw import RawMessage
-from cliport_perception.camera_model import CameraModel
 from cliport_perception.errors import PerceptionError
-from cliport_perception.pose import PlanarPose, Pose
+from cliport_perception.raw_header import header_of_raw
 from cliport_perception.transforms import TransformTree
 from cliport_perception.workspace import WorkspaceSpec
 from cliport_policy.comparison import RecordedStep, Span
 from cliport_policy.errors import DataError
 
-_NS = 1_000_000_000
 _KEPT_PICTURES = 32  # a pose comes this many pictures at most after the one that it was chosen on
 _IMAGES = (COLOR_TOPIC, DEPTH_TOPIC)
 _POSES = (PICK_TOPIC, PLACE_TOPIC)
@@ -57,7 +57,7 @@ def plain_steps(
             if raw.topic in _POSES:
                 poses[raw.topic] = decode(raw)
             step = scene.step(count, poses[PICK_TOPIC], poses[PLACE_TOPIC]) if len(poses) == len(_POSES) else None
-        except (ValueError, AttributeError, struct.error) as error:
+        except (PerceptionError, ValueError, AttributeError) as error:
             raise DataError(f"{path}: {raw.topic} of type {raw.type} can't be used ({error})") from None
         if step is not None:
             yield step
@@ -86,10 +86,7 @@ class _Scene:
         elif raw.topic == INSTRUCTION_TOPIC:
             self._said = str(decode(raw).data).strip() or self._said
         elif raw.topic in TRANSFORM_TOPICS:
-            for each in decode(raw).transforms:
-                t, q = each.transform.translation, each.transform.rotation
-                pose = Pose.from_quaternion_xyzw((q.x, q.y, q.z, q.w), (t.x, t.y, t.z))
-                self._tree.put(each.header.frame_id, each.child_frame_id, pose)
+            put_transforms(self._tree, decode(raw))
 
     def step(self, number: int, pick: Any, place: Any) -> RecordedStep:
         """What the poses were chosen on. Raises DataError where that is not known."""
@@ -97,49 +94,27 @@ class _Scene:
             raise DataError(f"{self._path} has no camera_info ({CAMERA_TOPIC}) before its poses: record that topic too")
         if not self._said:
             raise DataError(f"{self._path} has no instruction ({INSTRUCTION_TOPIC}) before its poses: record it too")
-        stamp_ns = pick.header.stamp.sec * _NS + pick.header.stamp.nanosec
-        images = [self._picture(topic, stamp_ns) for topic in _IMAGES]
+        images = [self._picture(topic, stamp_of(pick)) for topic in _IMAGES]
         where = f"{self._path}, {number + 1}. pick"
         setup = self._known_setup(self._info, pick.header.frame_id)
         observation = observation_from_messages([self._info, *images], where, setup)
         heightmap = observation.heightmap(self._workspace)
-        return RecordedStep(
-            self._path.name, number, observation.stamp_ns, heightmap, self._said, _planar(pick), _planar(place)
-        )
+        poses = (planar_from_message(pick.pose), planar_from_message(place.pose))
+        return RecordedStep(self._path.name, number, observation.stamp_ns, heightmap, self._said, *poses)
 
     def _picture(self, topic: str, stamp_ns: int) -> RawMessage:
         kept = self._pictures[topic]
         if not kept:
             raise DataError(f"{self._path} has no picture on {topic} before its poses: record that topic too")
-        return next((raw for raw in kept if _header_stamp_ns(raw) == stamp_ns), kept[-1])
+        return next((raw for raw in kept if header_of_raw(raw.data)[0] == stamp_ns), kept[-1])
 
     def _known_setup(self, camera_info: RawMessage, base_frame: str) -> CaptureSetup:
         if self._setup is None:
             info = decode(camera_info)
             try:
-                camera = CameraModel(
-                    width=int(info.width),
-                    height=int(info.height),
-                    fx=float(info.k[0]),
-                    fy=float(info.k[4]),
-                    cx=float(info.k[2]),
-                    cy=float(info.k[5]),
-                    distortion_model=info.distortion_model,
-                    distortion=tuple(float(v) for v in info.d),
-                )
+                camera = camera_from_info(info)
                 camera_in_base = self._tree.source_in_target(info.header.frame_id, base_frame)
             except PerceptionError as error:
                 raise DataError(f"{self._path}: {error}") from None
             self._setup = CaptureSetup(self._workspace, camera, info.header.frame_id, base_frame, camera_in_base)
         return self._setup
-
-
-def _header_stamp_ns(raw: RawMessage) -> int:
-    """Of a message that begins with a Header."""
-    seconds, nanoseconds = struct.unpack_from("<iI" if raw.data[1] & 1 else ">iI", raw.data, 4)
-    return int(seconds) * _NS + int(nanoseconds)
-
-
-def _planar(message: Any) -> PlanarPose:
-    p, q = message.pose.position, message.pose.orientation
-    return PlanarPose.from_pose(Pose.from_quaternion_xyzw((q.x, q.y, q.z, q.w), (p.x, p.y, p.z)))

@@ -137,7 +137,7 @@ class PolicyServer:
             self._enter(ServerState.DONE, done)
         elif step >= config.max_steps:
             self._fail(f"step limit of {config.max_steps} reached")
-        elif min(action.pick_confidence, action.place_confidence) < config.min_confidence:
+        elif action.confidence < config.min_confidence:
             self._fail(
                 f"not sure enough where to act (pick {action.pick_confidence:.2f}, place "
                 f"{action.place_confidence:.2f}, at least {config.min_confidence:.2f} needed)"
@@ -215,8 +215,10 @@ class PolicyServer:
     # transitions
 
     def _enter(self, state: ServerState, message: str, deadline: float | None = None) -> None:
+        shown = self._proposal if state in (ServerState.WAITING_FOR_APPROVAL, ServerState.EXECUTING) else None
+        confidence = shown.action.confidence if shown else 0.0
         self._deadline = deadline
-        self._status = self._status._replace(state=state, message=message)
+        self._status = self._status._replace(state=state, message=message, confidence=confidence)
         self._effects.publish_status(self._status)
 
     def _fail(self, reason: str) -> None:

@@ -86,12 +86,16 @@ class Proposal(NamedTuple):
 
 
 class ServerStatus(NamedTuple):
-    """What the server tells the world; step counts the actions begun for the instruction."""
+    """What the server tells the world; step counts the actions begun for the instruction.
+
+    confidence: of the action that waits or is executed, the lesser of pick and place; 0 in other states.
+    """
 
     state: ServerState
     message: str
     instruction: str
     step: int
+    confidence: float = 0.0
 
 
 class Answer(NamedTuple):

@@ -108,7 +108,7 @@ export class Panel {
       press(card.querySelector(".end-name"), chosen);
       say(card.querySelector(".end-name").lastChild, ` ${name}`);
       say(card.querySelector(".end-angle"), shown ? `${shown.rotation * 360 / this.#view.n_rotations}°` : "");
-      for (const button of card.querySelectorAll(".turn")) button.disabled = !shown || !this.#stage.enabled;
+      for (const button of card.querySelectorAll(".turn")) button.disabled = !shown || !this.#stage.enabled || this.#view.primitive === "sweep";
       const words = card.querySelector(".end-words");
       const bad = Boolean(shown?.judged && !shown.judged.grasp && !shown.judged.footprint.length);
       words.classList.toggle("bad", bad);
@@ -135,6 +135,7 @@ export class Panel {
     const { active } = this.#stage;
     const pick = this.#stage.shown("pick"), place = this.#stage.shown("place");
     if (!pick && !place) return `Drag a box around the ${names.pick.toLowerCase()} (A).`;
+    if (pick && place && view.primitive === "sweep") return "The closed hand stands across its way. A new box replaces the chosen one.";
     if (pick && place) return "Look at the fingers' outline. A click around a box turns them; a new box replaces the chosen one.";
     const next = names[pick ? "place" : "pick"].toLowerCase();
     return `Click around box ${active === "pick" ? "A" : "B"} to turn the fingers, or drag the ${next} box.`;
@@ -169,8 +170,10 @@ export class Panel {
   }
 
   #showPolicy({ policy }) {
-    say(byId("policy-words"), policy.proposal
-      ? "It has a proposal. Correct it: it is drawn on the picture, and you change what is wrong."
+    const { proposal } = policy;
+    const sure = typeof proposal?.confidence === "number" ? `, ${Math.round(100 * proposal.confidence)} % sure` : "";
+    say(byId("policy-words"), proposal
+      ? `It has a proposal${sure}. Correct it: it is drawn on the picture, and you change what is wrong.`
       : policy.words);
   }
 

@@ -1,0 +1,105 @@
+"""An observation as the messages that it is read from: what a camera and an arm would have sent."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from cliport_episodes.message_types import encode, make, make_header
+from cliport_episodes.observation import (
+    CAMERA_TOPIC,
+    COLOR_TOPIC,
+    DEPTH_TOPIC,
+    JOINTS_TOPIC,
+    TF_STATIC_TOPIC,
+    Observation,
+)
+from cliport_episodes.raw import RawMessage
+from cliport_perception.camera_model import CameraModel
+from cliport_perception.pose import Pose
+
+_FARTHEST = 65.0  # what 16UC1 holds [m]
+
+
+def messages_from_observation(
+    observation: Observation,
+    camera_frame: str,
+    base_frame: str = "panda_link0",
+    *,
+    received_ns: int | None = None,
+    velocities: Sequence[float] = (),
+    efforts: Sequence[float] = (),
+) -> list[RawMessage]:
+    """/tf_static, joints, camera_info, colour and depth; the inverse of `observation_from_messages`.
+
+    All have the observation's stamp, and are received then or at received_ns [ns]. Depth is 16UC1, as a RealSense
+    gives it: whole millimetres, 0 where unknown. velocities, efforts: of the joints, in their order, where known.
+    """
+    stamp_ns, joints = observation.stamp_ns, observation.joint_positions
+    header = make_header(stamp_ns, camera_frame)
+    depth = np.where(observation.depth_m < _FARTHEST, observation.depth_m, 0.0)
+    joint_state = make(
+        "sensor_msgs/msg/JointState",
+        header=make_header(stamp_ns, ""),
+        name=list(joints),
+        position=np.array(list(joints.values()), np.float64),
+        velocity=np.array(velocities, np.float64),
+        effort=np.array(efforts, np.float64),
+    )
+    messages = {
+        TF_STATIC_TOPIC: _transform(observation.camera_in_base, make_header(stamp_ns, base_frame), camera_frame),
+        JOINTS_TOPIC: joint_state,
+        CAMERA_TOPIC: _camera_info(observation.camera, header),
+        COLOR_TOPIC: _image(observation.color, "rgb8", header),
+        DEPTH_TOPIC: _image(np.rint(1000.0 * depth).astype("<u2"), "16UC1", header),
+    }
+    received = stamp_ns if received_ns is None else received_ns
+    return [encode(topic, message, received) for topic, message in messages.items()]
+
+
+def _transform(child_in_parent: Pose, header: Any, child_frame: str) -> Any:
+    x, y, z = child_in_parent.translation.tolist()
+    qx, qy, qz, qw = child_in_parent.as_quaternion_xyzw().tolist()
+    transform = make(
+        "geometry_msgs/msg/Transform",
+        translation=make("geometry_msgs/msg/Vector3", x=x, y=y, z=z),
+        rotation=make("geometry_msgs/msg/Quaternion", x=qx, y=qy, z=qz, w=qw),
+    )
+    link = make("geometry_msgs/msg/TransformStamped", header=header, child_frame_id=child_frame, transform=transform)
+    return make("tf2_msgs/msg/TFMessage", transforms=[link])
+
+
+def _camera_info(camera: CameraModel, header: Any) -> Any:
+    """Of an unrectified monocular camera."""
+    return make(
+        "sensor_msgs/msg/CameraInfo",
+        header=header,
+        height=camera.height,
+        width=camera.width,
+        distortion_model=camera.distortion_model,
+        d=np.array(camera.distortion or [0.0] * 5),
+        k=camera.matrix.reshape(-1),
+        r=np.eye(3).reshape(-1),
+        p=np.hstack([camera.matrix, np.zeros((3, 1))]).reshape(-1),
+        binning_x=0,
+        binning_y=0,
+        roi=make("sensor_msgs/msg/RegionOfInterest", x_offset=0, y_offset=0, height=0, width=0, do_rectify=False),
+    )
+
+
+def _image(pixels: npt.NDArray[np.generic], encoding: str, header: Any) -> Any:
+    height, width = pixels.shape[:2]
+    data = np.ascontiguousarray(pixels).reshape(-1).view(np.uint8)
+    return make(
+        "sensor_msgs/msg/Image",
+        header=header,
+        height=height,
+        width=width,
+        encoding=encoding,
+        is_bigendian=0,
+        step=data.size // height,
+        data=data,
+    )

@@ -1,0 +1,53 @@
+"""An observation as messages, and back."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cliport_episodes.capture_setup import CaptureSetup
+from cliport_episodes.message_types import decode, stamp_of
+from cliport_episodes.observation import Observation, observation_from_messages
+from cliport_episodes.observation_messages import messages_from_observation
+from cliport_perception.pose import Pose
+
+STAMP = 12_000_000_034
+
+
+@pytest.fixture
+def seen(setup: CaptureSetup) -> Observation:
+    rng = np.random.default_rng(0)
+    depth = rng.uniform(0.3, 1.5, (48, 64)).astype(np.float32)
+    depth[:2] = [[np.nan], [70.0]]  # unknown, and too far for the encoding
+    return Observation(
+        stamp_ns=STAMP,
+        color=rng.integers(0, 256, (48, 64, 3), dtype=np.uint8),
+        depth_m=depth,
+        camera=replace(setup.camera, distortion=(0.1, -0.2, 0.001, 0.002, 0.05)),
+        camera_in_base=Pose.looking_at((0.9, 0.2, 0.7), (0.5, 0.1, 0.0)),
+        joint_positions={"panda_joint1": 0.3, "panda_finger_joint1": 0.04},
+    )
+
+
+def test_an_observation_comes_back(seen: Observation, setup: CaptureSetup) -> None:
+    messages = messages_from_observation(seen, setup.camera_frame, setup.base_frame)
+    back = observation_from_messages(messages, "here", setup)
+    assert (back.stamp_ns, back.camera, back.joint_positions) == (STAMP, seen.camera, seen.joint_positions)
+    np.testing.assert_array_equal(back.color, seen.color)
+    assert np.isnan(back.depth_m[:2]).all()
+    np.testing.assert_allclose(back.depth_m[2:], seen.depth_m[2:], rtol=0.0, atol=0.00051)
+    assert back.camera_in_base.is_close(seen.camera_in_base), "the transform's, not the setup's"
+
+
+def test_every_message_says_when_it_was_sent_and_received(seen: Observation) -> None:
+    joints = {"velocities": [0.5, 0.0], "efforts": [3.0, 0.0]}
+    messages = {raw.topic: raw for raw in messages_from_observation(seen, "camera", received_ns=STAMP + 5, **joints)}
+    assert {raw.stamp_ns for raw in messages.values()} == {STAMP + 5}
+    decoded = {topic: decode(raw) for topic, raw in messages.items()}
+    (link,) = decoded.pop("/tf_static").transforms
+    assert {stamp_of(message) for message in (link, *decoded.values())} == {STAMP}
+    assert (link.header.frame_id, link.child_frame_id) == ("panda_link0", "camera")
+    state = decoded["/joint_states"]
+    assert (list(state.velocity), list(state.effort)) == ([0.5, 0.0], [3.0, 0.0])
