@@ -38,17 +38,17 @@ def render_explanation(
     action = explanation.action
     maps = action.maps
     scenes = [
-        _titled("what is seen", render_scene(heightmap)),
-        _titled(f"height, 0 to {100 * _FULL_HEIGHT:.0f} cm", render_height(heightmap))
+        titled("what is seen", render_scene(heightmap)),
+        titled(f"height, 0 to {100 * _FULL_HEIGHT:.0f} cm", render_height(heightmap))
         if recorded is None
-        else _titled("as recorded", render_grippers(heightmap, *recorded)),
-        _titled("pick affordance", render_overlay(heightmap, maps.pick if maps else None, action, "pick")),
-        _titled("place affordance", render_overlay(heightmap, maps.place if maps else None, action, "place")),
+        else titled("as recorded", render_grippers(heightmap, *recorded)),
+        titled("pick affordance", render_overlay(heightmap, maps.pick if maps else None, action, "pick")),
+        titled("place affordance", render_overlay(heightmap, maps.place if maps else None, action, "place")),
     ]
     details = [
-        _titled("at the pick, turned", render_crop(heightmap, action.pick_pixel, action.pick.yaw)),
-        _titled("gripper yaw" + _best(explanation.yaws), render_rotations(explanation.yaws, PICK_COLOR)),
-        _titled("place - pick" + _best(explanation.rotations), render_rotations(explanation.rotations, PLACE_COLOR)),
+        titled("at the pick, turned", render_crop(heightmap, action.pick_pixel, action.pick.yaw)),
+        titled("gripper yaw" + _best(explanation.yaws), render_rotations(explanation.yaws, PICK_COLOR)),
+        titled("place - pick" + _best(explanation.rotations), render_rotations(explanation.rotations, PLACE_COLOR)),
     ]
     summary = (
         f"pick {action.pick_confidence:.2f} at ({action.pick.x:.3f}, {action.pick.y:.3f}) m   "
@@ -118,7 +118,8 @@ def _best(probabilities: NDArray[np.float32] | None) -> str:
     return f": {360 * best / len(probabilities):.0f} degrees, {float(probabilities[best]):.2f}"
 
 
-def _titled(title: str, picture: Picture) -> Picture:
+def titled(title: str, picture: Picture) -> Picture:
+    """A picture under a line of text."""
     return np.vstack([_line(title, picture.shape[1]), picture])
 
 

@@ -20,13 +20,15 @@ import numpy as np
 
 from cliport_policy.data.demonstrations import load_demonstrations
 from cliport_policy.data.mixture import Mixture, Source, check_same_workspace
-from cliport_policy.errors import InstructionError, PolicyError
+from cliport_policy.errors import InstructionError, PolicyError, TrainingError
 from cliport_policy.language import shared_encoder
+from cliport_policy.overlays import save_png
 from cliport_policy.training.agreement import agreement
 from cliport_policy.training.allocator import keep_freed_memory
 from cliport_policy.training.distributed import Group, join_group
 from cliport_policy.training.log import EventLog, ProgressLine, affordance_picture
 from cliport_policy.training.options import TrainOptions, parse_options
+from cliport_policy.training.sample_sheet import sample_sheet
 from cliport_policy.training.trainer import Progress, Trainer
 
 logger = logging.getLogger(__name__)
@@ -84,8 +86,9 @@ def _source(folder: Path, weight: float, options: TrainOptions, cache_bytes: int
 
 
 def _run_and_show(trainer: Trainer, options: TrainOptions, stopped: list[int], shown: Mixture) -> None:
-    """With a progress line and TensorBoard's files in OUT/events."""
+    """With a progress line, TensorBoard's files in OUT/events, and what is learned from in OUT/samples.png."""
     line, events = ProgressLine(sys.stderr), EventLog(options.out / "events", trainer.step)
+    _show_samples(trainer, options.out / "samples.png", events)
     sample = next((shown[i] for i in range(len(shown)) if not shown[i].demo.done), shown[0])
 
     def show(progress: Progress) -> None:
@@ -102,6 +105,15 @@ def _run_and_show(trainer: Trainer, options: TrainOptions, stopped: list[int], s
         _run(trainer, options, stopped, show, picture)
     finally:
         events.close()
+
+
+def _show_samples(trainer: Trainer, path: Path, events: EventLog) -> None:
+    sheet = sample_sheet(trainer.loader.step(0).parts[0], trainer.data.workspace)
+    events.picture("samples", sheet, trainer.step)
+    try:
+        save_png(path, sheet)
+    except OSError as error:
+        raise TrainingError(f"can't write {path} ({error.strerror or error}): give another --out") from error
 
 
 def _run(

@@ -34,12 +34,13 @@ def test_a_training_writes_policies_curves_and_pictures(
     assert main([*TINY, "--steps", "4", "--n-demos", "2", *arguments]) == 0
     written = {str(path.relative_to(out)) for path in out.rglob("*.*") if "events" not in str(path)}
     assert written == {
-        *("policy.safetensors", "policy.json", "training_state.safetensors", "training_config.json"),
+        *("policy.safetensors", "policy.json", "training_state.safetensors", "training_config.json", "samples.png"),
         *("checkpoints/step-0000002.safetensors", "checkpoints/step-0000002.json"),
     }
     events = EventAccumulator(str(out / "events")).Reload()
     assert {"loss/locator", "loss/transport", "learning_rate", "samples_per_s"} <= set(events.Tags()["scalars"])
     assert [event.step for event in events.Images("affordance")] == [4]
+    assert [event.step for event in events.Images("samples")] == [0]
     shown = capsys.readouterr()
     assert "4/4" in shown.err and "samples/s" in shown.err and "min left" in shown.err
     assert "agreement with --val" in shown.out

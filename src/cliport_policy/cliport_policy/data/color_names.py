@@ -55,8 +55,9 @@ def rgb(colors: NDArray[np.float32]) -> NDArray[np.uint8]:
 
 def distance(colors: NDArray[np.float32], shades: NDArray[np.float32]) -> NDArray[np.float32]:
     """CIELAB (N, 3) and (M, 3) -> (N,): how far each colour is from the nearest shade, lightness counting less."""
-    apart = (colors[:, None] - shades[None]) * _WEIGHTS
-    out: NDArray[np.float32] = np.sqrt(np.square(apart).sum(-1).min(1))
+    a, b = colors * _WEIGHTS, shades * _WEIGHTS
+    squared = np.square(b).sum(1) - 2 * (a @ b.T)  # (N, M), less the colours' own squares
+    out: NDArray[np.float32] = np.sqrt(np.maximum(squared.min(1) + np.square(a).sum(1), 0))
     return out
 
 

@@ -1,0 +1,43 @@
+"""What a network is shown: reworded, moved and repainted samples with their labels, as one picture to look over."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from cliport_perception.heightmap import Heightmap
+from cliport_perception.pose import PlanarPose
+from cliport_perception.workspace import WorkspaceSpec
+from cliport_policy.data.batches import Batch
+from cliport_policy.explain_picture import render_grippers, titled
+from cliport_policy.observation import unscaled
+from cliport_policy.overlays import render_scene
+
+MOST = 12  # samples of a sheet
+_COLUMNS = 3
+_WIDTH = 480  # of one sample
+
+
+def sample_sheet(batch: Batch, workspace: WorkspaceSpec) -> NDArray[np.uint8]:
+    """Up to 12 samples of a batch, each under its sentence, with the grippers at pick and place: (H, W, 3) RGB."""
+    count = min(len(batch.phrases), MOST)
+    pictures = [_sample(batch, i, workspace) for i in range(count)]
+    pictures += [np.zeros_like(pictures[0])] * (-count % _COLUMNS)
+    return np.vstack([np.hstack(pictures[i : i + _COLUMNS]) for i in range(0, len(pictures), _COLUMNS)])
+
+
+def _sample(batch: Batch, i: int, workspace: WorkspaceSpec) -> NDArray[np.uint8]:
+    channels = unscaled(batch.images[i : i + 1].float())[0].permute(1, 2, 0).numpy()  # (H, W, 4)
+    color = np.rint(255 * np.clip(channels[..., :3], 0, 1)).astype(np.uint8)
+    scene = Heightmap(color, channels[..., 3], batch.images[i, 4].numpy() > 0.5, workspace)
+    done, yaw = bool(batch.done[i]), float(batch.pick_yaw[i])
+    if done:
+        picture = render_scene(scene)
+    else:
+        pick, place = (workspace.pixel_to_xy(*(float(v) for v in pixels[i])) for pixels in (batch.pick, batch.place))
+        ends = PlanarPose(*pick, yaw), PlanarPose(*place, yaw + float(batch.rotation[i]))
+        picture = render_grippers(scene, *ends)
+    height = round(_WIDTH * picture.shape[0] / picture.shape[1])
+    small = cv2.resize(picture, (_WIDTH, height), interpolation=cv2.INTER_AREA)
+    return titled(f"{batch.phrases[i]}{'   (finished)' if done else ''}", small)
