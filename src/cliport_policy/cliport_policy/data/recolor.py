@@ -6,6 +6,7 @@ colour before gets the old one: the sentence still names one thing of the scene.
 
 from __future__ import annotations
 
+import math
 from itertools import permutations
 from typing import NamedTuple
 
@@ -26,6 +27,7 @@ _SAME = 14.0  # CIELAB units: as far as one thing's pixels are from its colour
 _FAR = 30.0  # CIELAB units from the nearest surveyed shade: nobody calls a colour so
 _SCENES = 200  # whose colours are learned
 _SHADES = 24  # that a colour is known by
+_SURVEYED_WEIGHT = 0.2  # of a colour that only the survey knows: demonstrated ones are what will be asked for
 _SENTENCES = 4000  # in other colours, so that their embeddings can be kept
 
 
@@ -78,6 +80,7 @@ class Recoloring:
                 self._acting.setdefault(_key(drawn), drawn)
         self._named: dict[_Key, dict[str, Lab]] = {}
         self._palette = self._learn(rng)
+        self._demonstrated = frozenset(self._palette)
         if surveyed:
             self._palette = {term: _spread(shades) for term, shades in surveyed_shades().items()} | self._palette
         self._changes = self._draw_changes(mixture.instructions(), rng)
@@ -91,12 +94,16 @@ class Recoloring:
         changes, named = self._changes[drawn.demo.instruction], self._colors_of(_key(drawn))
         if not changes or not named:
             return None
-        terms = changes[int(rng.integers(len(changes)))]
+        weights = np.cumsum([self._weight(change) for change in changes])
+        terms = changes[int(np.searchsorted(weights, rng.random() * weights[-1], side="right"))]
         paints = [Paint(named[term][None], self._shade(new, rng)) for term, new in terms.items()]
         taken = sorted(set(terms.values()) - set(terms))
         free = rng.permutation(sorted(set(terms) - set(terms.values())))
         paints += [Paint(self._palette[term], named[old]) for term, old in zip(taken, free, strict=True)]
         return Repainting(terms, tuple(paints))
+
+    def _weight(self, change: dict[str, str]) -> float:
+        return math.prod(1.0 if term in self._demonstrated else _SURVEYED_WEIGHT for term in change.values())
 
     def _shade(self, term: str, rng: np.random.Generator) -> Lab:
         shades = self._palette[term]
