@@ -1,10 +1,11 @@
 """Somebody who teaches at the page: looks at the picture, draws boxes, clicks rotations. Knows nothing of ROS.
 
     python tests/page_person.py --episodes 10 --out out/teaching
+    python tests/page_person.py --episodes 5 --primitive sweep --out out/sweeps
 
 starts the simulator's graph and `demo_tool app`, records that many demonstrations of two steps in Chromium, with a
 reload in the midst of one and a killed server in the midst of another, and says what the bags hold, which it reads with
-the `rosbags` library alone.
+the `rosbags` library alone. With another primitive the demonstrations are of one step.
 """
 
 from __future__ import annotations
@@ -13,10 +14,8 @@ import argparse
 import base64
 import math
 import os
-import re
 import shutil
 import signal
-import subprocess
 import sys
 import time
 from collections import Counter
@@ -27,55 +26,30 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+import page_eyes as eyes
 from numpy.typing import NDArray
-from playwright.sync_api import Browser, Page, expect, sync_playwright
+from page_eyes import Blob, find, inside
+from playwright.sync_api import Browser, Page, TimeoutError, expect, sync_playwright
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from cliport_benchmark.errors import BenchmarkError
 from cliport_benchmark.graph_client import GraphClient
 from cliport_benchmark.graph_process import GraphProcess
+from cliport_benchmark.page_process import PageProcess
 
 TASK, SENTENCE = "put-blocks-in-bowls-seen-colors", "put the red blocks in a green bowl"
-COLORS = {"red": (0, 135), "green": (56, 100)}  # OpenCV's hue and least saturation of the task's colours
+OTHERS = {  # primitive: a task of it, and its sentence
+    "sweep": ("sweeping-piles", "push the pile of blocks into the green square"),
+    "fold": ("manipulating-rope", "manipulate the rope to complete the square"),
+}
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 BROWSER_ARGUMENTS = (
     *("--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run"),
     *("--disable-background-networking", "--disable-component-update", "--disable-sync"),
 )
+expect.set_options(timeout=20_000)
 SUCCEEDED = 0
 DATA_SET = "by-hand"
-
-
-@dataclass(frozen=True)
-class Blob:
-    """Something of one colour. centre: (col, row); half: half its sides [pixels]; angle: of a side, in the picture."""
-
-    centre: tuple[float, float]
-    half: tuple[float, float]
-    angle: float
-
-
-def find(picture: NDArray[np.uint8], color: str, least: int = 150) -> list[Blob]:
-    """What has a colour in an RGB picture (H, W, 3), from left to right."""
-    hsv = cv2.cvtColor(picture, cv2.COLOR_RGB2HSV).astype(int)
-    hue, saturation = COLORS[color]
-    away = np.abs((hsv[..., 0] - hue + 90) % 180 - 90)
-    mask = ((away <= 6) & (hsv[..., 1] > saturation) & (hsv[..., 2] > 60)).astype(np.uint8)
-    mask = cv2.morphologyEx(mask, cv2.MORPH_CLOSE, np.ones((5, 5), np.uint8))
-    contours, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
-    blobs = []
-    for contour in contours:
-        if cv2.contourArea(contour) >= least:
-            left, top, width, height = cv2.boundingRect(contour)
-            angle = math.radians(cv2.minAreaRect(contour)[2])
-            blobs.append(Blob((left + width / 2, top + height / 2), (width / 2, height / 2), angle))
-    return sorted(blobs, key=lambda blob: blob.centre)
-
-
-def inside(inner: Blob, outer: Blob) -> bool:
-    """Whether one lies within another."""
-    return all(abs(a - b) < half for a, b, half in zip(inner.centre, outer.centre, outer.half, strict=True))
 
 
 class Person:
@@ -91,9 +65,19 @@ class Person:
         self.page.goto(address)
 
     def open_data_set(self, name: str) -> None:
+        self.sees("ready")  # a new one is made when there is a picture
         self.page.locator("#data-set").fill(name)
         self.page.locator("#data-set-card button").click()
         expect(self.page.locator("#where")).to_contain_text(name)
+
+    def change_data_set(self, name: str) -> None:
+        """Another than the one that is open, on a page whose arm is held by nobody, or by a page that is gone."""
+        self.sees("ready")
+        if self.page.locator("#watching").is_visible():
+            self.page.locator("#take-over").click()
+        self.page.locator("#tab-episodes").click()
+        self.page.locator("#data-set-other").click()
+        self.open_data_set(name)
 
     def say(self, sentence: str) -> None:
         field = self.page.locator("#instruction")
@@ -102,7 +86,11 @@ class Person:
 
     def sees(self, state: str, timeout: float = 60.0) -> None:
         """Wait until the page says that the arm is in a state."""
-        self.page.locator(f"#state[data-state={state}]").wait_for(timeout=1000 * timeout)
+        words = self.page.locator("#state-words")
+        try:
+            self.page.locator(f"#state[data-state={state}]").wait_for(timeout=1000 * timeout)
+        except TimeoutError:
+            raise AssertionError(f"the page is not {state}; it says: {words.text_content()}") from None
 
     def picture(self) -> NDArray[np.uint8]:
         """What the live view shows: (H, W, 3) RGB."""
@@ -119,17 +107,26 @@ class Person:
         blocks, bowls = find(picture, "red"), find(picture, "green", least=800)
         loose = [block for block in blocks if not any(inside(block, bowl) for bowl in bowls)]
         empty = [bowl for bowl in bowls if not any(inside(block, bowl) for block in blocks)]
+        self.step(loose[0], empty[0], picture.shape, margins=(4, 0))
+
+    def sweep_or_fold(self, primitive: str) -> None:
+        """One step of another primitive: "sweep", "fold"."""
+        button = self.page.locator(f"#primitive [data-primitive={primitive}]")
+        button.click()
+        expect(button).to_have_attribute("aria-pressed", "true")
+        picture = self.picture()
+        start, end = eyes.sweep(picture) if primitive == "sweep" else eyes.fold(picture)
+        self.step(start, end, picture.shape, margins=(0, 0))
+
+    def step(self, start: Blob, end: Blob, shape: tuple[int, ...], margins: tuple[float, float]) -> None:
+        """Draw both boxes, turn the fingers until the arm can do it, and let it."""
         before = self.steps()
-        self.draw(loose[0], picture.shape, 4)
-        self._end("pick")
-        self.draw(empty[0], picture.shape, 0)
-        self._end("place")
-        for turn in (0.0, math.pi / 2):  # along either side of the block
-            self.turn(loose[0], picture.shape, loose[0].angle + turn)
-            self.page.locator("#preview").click()
-            verdict = self.page.locator("#plan")
-            verdict.wait_for()
-            if "✓" in (verdict.text_content() or ""):
+        for name, blob, margin in (("pick", start, margins[0]), ("place", end, margins[1])):
+            self.draw(blob, shape, margin)
+            expect(self.page.locator(f".end.{name} .end-words")).to_contain_text("points")
+        for turn in (0.0, math.pi / 2) * 3:  # along either side of the thing; again where the picture was too old
+            self.turn(start, shape, start.angle + turn)
+            if self.can():
                 break
         self.remember("previewed")
         self.page.locator("#execute").click()
@@ -139,6 +136,13 @@ class Person:
             self.remember("executing")
         expect(self.page.locator("#steps li")).to_have_count(before + 1, timeout=120_000)
         self.sees("ready")
+
+    def can(self) -> bool:
+        """Ask whether the arm can do what is drawn."""
+        self.page.locator("#preview").click()
+        verdict = self.page.locator("#plan")
+        verdict.or_(self.page.locator("#answer[data-ok=false]")).first.wait_for()
+        return verdict.is_visible() and "✓" in (verdict.text_content() or "")
 
     def draw(self, blob: Blob, shape: tuple[int, ...], margin: float) -> None:
         """A box around something."""
@@ -158,6 +162,11 @@ class Person:
         self.page.locator("#success" if success else "#failure").click()
         self.page.locator("#next-episode").click()
         expect(self.page.locator("#steps li")).to_have_count(0)
+
+    def leave(self) -> None:
+        """Close the page; nothing went wrong in it."""
+        assert not self.faults, self.faults
+        self.page.context.close()
 
     def look_around(self) -> None:
         """Stop and resume, then look at what was recorded: for the album."""
@@ -180,9 +189,6 @@ class Person:
             self.album.mkdir(parents=True, exist_ok=True)
             self.page.screenshot(path=self.album / f"page_{state}.jpg", type="jpeg", quality=80)
 
-    def _end(self, end: str) -> None:
-        expect(self.page.locator(f".end.{end} .end-words")).to_contain_text("points")
-
     def _at(self, col: float, row: float, shape: tuple[int, ...]) -> tuple[float, float]:
         """Where a pixel of the picture is on the screen."""
         area = self.page.locator("#overlay").bounding_box()
@@ -190,47 +196,44 @@ class Person:
         return area["x"] + col * area["width"] / shape[1], area["y"] + row * area["height"] / shape[0]
 
 
-class App:
-    """`ros2 run demo_tool app` as a process."""
+@dataclass
+class Workplace:
+    """The simulator's graph, the app and a browser."""
 
-    def __init__(self, root: Path, domain: int, port: int = 0) -> None:
-        environment = {**os.environ, "ROS_DOMAIN_ID": str(domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
-        command = [sys.executable, "-m", "demo_tool.app", "--port", str(port), "--data-sets", str(root)]
-        self.process = subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True)
-        assert self.process.stdout is not None
-        line = self.process.stdout.readline()
-        found = re.search(r"http://\S+", line)
-        if not found:
-            raise BenchmarkError(f"the page did not start: {line}")
-        self.address = found[0]
+    client: GraphClient
+    app: PageProcess
+    browser: Browser
+    root: Path
+    domain: int
 
     @property
-    def port(self) -> int:
-        return int(re.findall(r":(\d+)", self.address)[0])
+    def sets(self) -> Path:
+        """The folder of the data sets."""
+        return self.root / "sets"
 
-    def end(self, number: int = signal.SIGINT) -> int:
-        self.process.send_signal(number)
-        return self.process.wait(20)
+    def kill_and_restart(self) -> None:
+        """Another server in the place of one that had no time to end."""
+        self.app.end(signal.SIGKILL)
+        self.app = PageProcess(self.sets, self.domain, self.app.port)
 
 
 @contextmanager
-def workplace(root: Path, domain: int, speed: float) -> Iterator[tuple[GraphClient, App, Browser]]:
-    """The simulator's graph, the app and a browser."""
+def workplace(root: Path, domain: int, speed: float) -> Iterator[Workplace]:
+    """A workplace for as long as the context lasts."""
     arguments = {"task": TASK, "split": "test", "seed": "1", "real_time_factor": str(speed), "require_approval": "true"}
     with (
         GraphProcess("sim.launch.yaml", arguments, root / "graph.log", {"ROS_DOMAIN_ID": str(domain)}) as graph,
         GraphClient(domain_id=domain) as client,
+        sync_playwright() as driver,
     ):
         client.wait_ready(120.0, lambda: graph.alive)
-        app = App(root / "sets", domain)
+        browser = driver.chromium.launch(executable_path=CHROMIUM, args=list(BROWSER_ARGUMENTS))
+        place = Workplace(client, PageProcess(root / "sets", domain), browser, root, domain)
         try:
-            with sync_playwright() as driver:
-                browser = driver.chromium.launch(executable_path=CHROMIUM, args=list(BROWSER_ARGUMENTS))
-                yield client, app, browser
-                browser.close()
+            yield place
+            browser.close()
         finally:
-            if app.process.poll() is None:
-                app.end()
+            place.app.end()
 
 
 def lay_out(person: Person, client: GraphClient, seed: int) -> int:
@@ -247,10 +250,18 @@ def lay_out(person: Person, client: GraphClient, seed: int) -> int:
             return seed
 
 
-def killed_and_restarted(app: App, root: Path, domain: int) -> App:
-    """Another server in the place of one that had no time to end."""
-    app.end(signal.SIGKILL)
-    return App(root / "sets", domain, app.port)
+def sweep_or_fold(person: Person, client: GraphClient, primitive: str, seed: int) -> tuple[float, float]:
+    """An episode of one step of "sweep" or "fold", in a new scene; the scores before and after."""
+    task, sentence = OTHERS[primitive]
+    client.reset(task, "test", seed)
+    time.sleep(1.5)  # the picture of the new scene
+    person.sees("ready")
+    person.say(sentence)
+    before = client.score()
+    person.sweep_or_fold(primitive)
+    after = client.score()
+    person.end_episode(after > before)
+    return before, after
 
 
 def go_on(person: Person) -> None:
@@ -277,39 +288,51 @@ def outcomes(data_set: Path) -> list[list[int]]:
     return found
 
 
+def record_two_steps(person: Person, place: Workplace, options: argparse.Namespace) -> None:
+    """Demonstrations of blocks in bowls."""
+    seed, started = options.seed, time.monotonic()
+    for number in range(options.episodes):
+        seed = lay_out(person, place.client, seed)
+        person.say(SENTENCE)
+        person.pick_and_place()
+        if number == 2:
+            person.page.reload()
+        if number == 4:
+            place.kill_and_restart()
+            go_on(person)
+        expect(person.page.locator("#steps li")).to_have_count(1)
+        person.pick_and_place()
+        score = place.client.score()
+        person.end_episode(score > 0.99)
+        print(f"episode {number + 1}: score {score:.2f}, {time.monotonic() - started:.0f} s", flush=True)
+        if number == 0 and options.album:
+            person.look_around()
+
+
+def record_one_step(person: Person, place: Workplace, options: argparse.Namespace) -> None:
+    """Demonstrations of another primitive."""
+    for number in range(options.episodes):
+        before, after = sweep_or_fold(person, place.client, options.primitive, options.seed + number)
+        print(f"episode {number + 1}: score {before:.2f}, then {after:.2f}", flush=True)
+
+
 def main() -> int:
     """Entry point."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--episodes", type=int, default=10)
+    parser.add_argument("--primitive", choices=("pick_place", *OTHERS), default="pick_place")
     parser.add_argument("--seed", type=int, default=3000)
     parser.add_argument("--speed", type=float, default=2.0, help="simulated seconds per second")
     parser.add_argument("--out", type=Path, default=Path("out/teaching"))
     parser.add_argument("--album", type=Path, help="folder for pictures of the page's main states")
     options = parser.parse_args()
-    domain, seed, started = int(os.environ.get("ROS_DOMAIN_ID", "61")), options.seed, time.monotonic()
-    with workplace(options.out, domain, options.speed) as (client, app, browser):
-        person = Person(browser, app.address, options.album)
+    with workplace(options.out, int(os.environ.get("ROS_DOMAIN_ID", "61")), options.speed) as place:
+        person = Person(place.browser, place.app.address, options.album)
         person.sees("ready")
         person.remember("begin")
         person.open_data_set(DATA_SET)
-        for number in range(options.episodes):
-            seed = lay_out(person, client, seed)
-            person.say(SENTENCE)
-            person.pick_and_place()
-            if number == 2:
-                person.page.reload()
-            if number == 4:
-                app = killed_and_restarted(app, options.out, domain)
-                go_on(person)
-            expect(person.page.locator("#steps li")).to_have_count(1)
-            person.pick_and_place()
-            score = client.score()
-            person.end_episode(score > 0.99)
-            print(f"episode {number + 1}: score {score:.2f}, {time.monotonic() - started:.0f} s", flush=True)
-            if number == 0 and options.album:
-                person.look_around()
+        (record_two_steps if options.primitive == "pick_place" else record_one_step)(person, place, options)
         assert not person.faults, person.faults
-        app.end()
     found = outcomes(options.out / "sets" / DATA_SET)
     print(f"{len(found)} episodes of {Counter(len(steps) for steps in found)} steps; outcomes {found}")
     held = sum(outcome == SUCCEEDED for steps in found for outcome in steps)

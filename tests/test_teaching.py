@@ -1,15 +1,17 @@
 """A person at the page in a browser teaches the simulated arm: the whole graph, real physics, bags at the end."""
 
-from pathlib import Path
+from collections.abc import Iterator
 
 import pytest
 
 pytest.importorskip("playwright.sync_api", reason="no Chromium's driver (playwright) on this machine")
+import page_eyes as eyes
 import page_person as teaching
 from playwright.sync_api import expect
 from ros_domain import next_domain
 
 from cliport_episodes.data_set import DataSet
+from cliport_perception.primitive import Primitive
 
 pytestmark = [
     pytest.mark.skipif(teaching.CHROMIUM is None, reason="no Chromium on this machine"),
@@ -17,25 +19,56 @@ pytestmark = [
 ]
 
 
-def test_a_demonstration_survives_a_killed_server(tmp_path: Path) -> None:
-    domain = next_domain()
-    with teaching.workplace(tmp_path, domain, speed=2.0) as (client, app, browser):
-        person = teaching.Person(browser, app.address)
-        person.open_data_set(teaching.DATA_SET)
-        teaching.lay_out(person, client, seed=3000)
-        person.say(teaching.SENTENCE)
-        person.pick_and_place()
-        app = teaching.killed_and_restarted(app, tmp_path, domain)
-        teaching.go_on(person)
-        expect(person.page.locator("#steps li")).to_have_count(1)
-        person.pick_and_place()
-        score = client.score()
-        person.end_episode(success=True)
-        assert not person.faults
-        assert app.end() == 0
+@pytest.fixture(scope="module")
+def place(tmp_path_factory: pytest.TempPathFactory) -> Iterator[teaching.Workplace]:
+    with teaching.workplace(tmp_path_factory.mktemp("teaching"), next_domain(), speed=2.0) as made:
+        yield made
+
+
+def test_a_demonstration_survives_a_killed_server(place: teaching.Workplace) -> None:
+    person = teaching.Person(place.browser, place.app.address)
+    person.open_data_set(teaching.DATA_SET)
+    teaching.lay_out(person, place.client, seed=3000)
+    person.say(teaching.SENTENCE)
+    person.pick_and_place()
+    place.kill_and_restart()
+    teaching.go_on(person)
+    expect(person.page.locator("#steps li")).to_have_count(1)
+    person.pick_and_place()
+    score = place.client.score()
+    person.end_episode(success=True)
+    person.leave()
     assert score == 1.0
-    folder = tmp_path / "sets" / teaching.DATA_SET
+    folder = place.sets / teaching.DATA_SET
     assert teaching.outcomes(folder) == [[teaching.SUCCEEDED] * 2]
     (episode,) = DataSet.open(folder).episodes()
     assert episode.success and episode.finished and not episode.complaints
     assert DataSet.open(folder).episode(episode.name).final is not None
+
+
+@pytest.mark.parametrize("primitive", teaching.OTHERS)
+def test_sweeps_and_folds_are_taught_too(place: teaching.Workplace, primitive: str) -> None:
+    person = teaching.Person(place.browser, place.app.address)
+    person.change_data_set(primitive)
+    before, after = teaching.sweep_or_fold(person, place.client, primitive, seed=2)
+    person.leave()
+    folder = place.sets / primitive
+    assert teaching.outcomes(folder) == [[teaching.SUCCEEDED]]
+    data_set = DataSet.open(folder)
+    episode = data_set.episode(data_set.episodes()[0].name)
+    (step,) = episode.steps
+    record = step.record
+    assert record.executed and record.primitive is Primitive[primitive.upper()]
+    assert record.instruction == teaching.OTHERS[primitive][1] and record.pick_box is not None
+    goal = record.place_box
+    assert goal is not None and episode.final is not None
+    middle = (goal.left + goal.right) / 2, (goal.top + goal.bottom) / 2
+    assert eyes.distance(step.observation().color, "red", middle) > 60
+    assert eyes.distance(episode.final.color, "red", middle) < 20  # the blocks, or the rope's end, are there now
+    if primitive == "sweep":
+        assert after > before
+        assert record.pick.yaw == record.place.yaw  # the hand stands across its way
+
+
+def test_the_server_ends_when_it_is_told_to(place: teaching.Workplace) -> None:
+    assert place.app.end() == 0

@@ -208,11 +208,24 @@ def bench_paper_size() -> Iterator[Row]:
     yield row("highest_cliport", found["highest"], "MB")
 
 
+def bench_page() -> Iterator[Row]:
+    """The demonstration page on the running graph: the age of its picture, its share of a core, whether it leaks."""
+    from cliport_benchmark.bench_page import page_figures
+
+    found = page_figures(TASK)
+    yield row("page_latency_960x540", found["latency"], "ms")
+    yield row("page_latency_960x540_p95", [float(np.percentile(found["latency"], 95))], "ms")
+    yield row("page_cpu_cores", found["cores"], "cores")
+    for name, growth in zip(("1000_loads", "next_1000_loads"), found["growth"], strict=True):
+        yield row(f"page_memory_{name}", [growth], "MB")
+
+
 BENCHES: dict[str, Callable[[], Iterable[Row]]] = {
     "camera_and_action": bench_camera_and_action,
     "planning": bench_planning,
     "training": bench_training,
     "first_motion": bench_first_motion,
+    "page": bench_page,
     "inference": bench_inference,
     "paper_size": bench_paper_size,
     "generation": bench_generation,
@@ -238,7 +251,7 @@ def main(argv: list[str] | None = None) -> int:
                 continue
             for r in bench():
                 rows.append(r)
-                print(f"{r.name:56}{r.median:10.2f}{r.min:10.2f}{r.max:10.2f}  {r.unit:4}{r.n:6}", flush=True)
+                print(f"{r.name:56}{r.median:10.2f}{r.min:10.2f}{r.max:10.2f}  {r.unit:5}{r.n:5}", flush=True)
     except BenchmarkError as error:
         print(f"error: {error}", file=sys.stderr)
         return 1

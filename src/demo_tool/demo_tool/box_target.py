@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from cliport_episodes.demonstration import PixelBox
 from cliport_perception.pose import PlanarPose
+from cliport_perception.primitive import Primitive
 from cliport_perception.workspace import WorkspaceSpec
 from demo_tool.errors import BoxError
 from demo_tool.live_view import LiveView
@@ -19,10 +20,11 @@ FloatArray = npt.NDArray[np.float64]
 
 _TOP_SHARE = 0.01  # of the points, which may be noise above the top
 _SHOWN = 400  # pixels of the cloud that are drawn at most
-# The hand, as panda_executor/hand_geometry.py has it [m].
-_OPENING = 0.08
+# The hand, as panda_executor has it in hand_geometry.py and config.py [m].
+_OPENINGS = {Primitive.PICK_PLACE: 0.08, Primitive.SWEEP: 0.0, Primitive.FOLD: 0.03}
 _FINGER_HALF_WIDTH = 0.0105
 _FINGER_THICKNESS = 0.0152
+_SAME_PLACE = 1e-6  # a shorter way has no direction [m]
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,14 +113,22 @@ def _cell_mean(points: FloatArray, cell: float) -> FloatArray:
     return mean
 
 
-def finger_outlines(view: LiveView, pose: PlanarPose, z: float) -> list[list[list[float]]]:
-    """The opened fingers at height z [m] as polygons of (row, col) on the picture."""
+def across(start: PlanarPose, end: PlanarPose) -> float | None:
+    """The yaw of jaws in a line across the way from start to end [rad, 0 to pi]; None where there is no way."""
+    x, y = end.x - start.x, end.y - start.y
+    return (math.atan2(y, x) + math.pi / 2.0) % math.pi if math.hypot(x, y) > _SAME_PLACE else None
+
+
+def finger_outlines(
+    view: LiveView, pose: PlanarPose, z: float, primitive: Primitive = Primitive.PICK_PLACE
+) -> list[list[list[float]]]:
+    """The fingers, as far open as they go down, at height z [m] as polygons of (row, col) on the picture."""
     along = np.array([math.cos(pose.yaw), math.sin(pose.yaw), 0.0])
     across = np.array([-along[1], along[0], 0.0])
     centre = np.array([pose.x, pose.y, z])
-    outlines = []
+    outlines, inner = [], _OPENINGS[primitive] / 2.0
     for side in (-1.0, 1.0):
-        near, far = side * _OPENING / 2.0, side * (_OPENING / 2.0 + _FINGER_THICKNESS)
+        near, far = side * inner, side * (inner + _FINGER_THICKNESS)
         corners = [
             centre + a * along + b * _FINGER_HALF_WIDTH * across
             for a, b in ((near, -1.0), (near, 1.0), (far, 1.0), (far, -1.0))

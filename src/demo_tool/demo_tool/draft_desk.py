@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,6 +12,7 @@ from cliport_perception.pose import PlanarPose
 from cliport_perception.primitive import Primitive
 from demo_tool.box_target import (
     BoxTarget,
+    across,
     box_around,
     closing_directions,
     find_target,
@@ -95,10 +97,13 @@ class DraftDesk:
             self.judge(view)
 
     def judge(self, view: LiveView) -> None:
-        """Look again, on a newer picture."""
+        """Look again, on a newer picture. A sweep's hand stands across its way, as the arm will have it."""
         with self._lock:
-            ends: dict[str, End | None] = {which: getattr(self.draft, which) for which in _ENDS}
-            self._judged = {which: self._judge(which, end, view) for which, end in ends.items() if end is not None}
+            ends: dict[str, End] = {which: end for which in _ENDS if (end := getattr(self.draft, which)) is not None}
+            judged = {which: self._judge(which, end, view) for which, end in ends.items()}
+            if (yaw := self._yaw_of_sweep(judged)) is not None:
+                judged = {which: self._judge(which, end, view, yaw) for which, end in ends.items()}
+            self._judged = judged
 
     def choice(self, view: LiveView) -> Choice:
         """The draft, judged on `view`.
@@ -124,12 +129,20 @@ class DraftDesk:
         judged = self._judged
         return {which: judged[which].shown if which in judged else None for which in _ENDS}
 
-    def _judge(self, which: str, end: End, view: LiveView) -> JudgedEnd:
+    def _yaw_of_sweep(self, judged: Mapping[str, JudgedEnd]) -> float | None:
+        """Where both ends of a sweep have a pose: across its way, whatever was drawn [rad]."""
+        match [end.pose for end in judged.values()] if self.primitive is Primitive.SWEEP else []:
+            case [PlanarPose() as start, PlanarPose() as stop]:
+                return across(start, stop)
+        return None
+
+    def _judge(self, which: str, end: End, view: LiveView, yaw: float | None = None) -> JudgedEnd:
+        """On one picture; yaw: instead of the one that is drawn [rad]."""
         workspace, config = self._config.workspace, self._config.box
-        yaw = workspace.yaw_of_bin(end.rotation)
+        yaw = workspace.yaw_of_bin(end.rotation) if yaw is None else yaw
         stands = which == "pick" and self.primitive is Primitive.PICK_PLACE
         target, words = None, ""
-        shown: dict[str, Any] = {"box": _corners(end.box), "rotation": end.rotation, **_NOTHING}
+        shown: dict[str, Any] = {"box": _corners(end.box), "rotation": workspace.bin_of_yaw(yaw), **_NOTHING}
         if end.box.bottom > view.camera.height or end.box.right > view.camera.width:
             words = f"the {which} box is not in the picture any more: draw it again"
             return JudgedEnd(None, words, {**shown, "words": words})
@@ -144,7 +157,7 @@ class DraftDesk:
             words = self._words(which, end, target, stands)
         centre = target.centroid if target is not None else table_point(view, end.box, config.table_z)
         x, y, z = (pose.x, pose.y, float(centre[2])) if pose is not None else (float(v) for v in centre)
-        footprint = finger_outlines(view, pose, z) if pose is not None else []
+        footprint = finger_outlines(view, pose, z, self.primitive) if pose is not None else []
         directions = closing_directions(view, x, y, z, workspace.n_rotations)
         shown |= {"directions": directions, "footprint": footprint, "words": words}
         if pose is not None and target is not None:

@@ -10,12 +10,15 @@ from typing import Any
 from cliport_episodes.data_set import DataSet, draw_statistics
 from cliport_episodes.names import check_name
 from demo_tool.arguments import number_of, text_of
-from demo_tool.errors import NotNowError
+from demo_tool.errors import CommandError, NotNowError
 from demo_tool.live_view import ColorImage
 from demo_tool.recording import Recorder, step_shown
 from demo_tool.wording import verdict_words
 
 _MOST_STEPS = 100_000
+_MOST_PARTS = 10
+_MOST_EPISODES = 1_000_000
+_MOST_SEEDS = 2**31 - 1
 
 
 class Library:
@@ -33,6 +36,8 @@ class Library:
             "trash": self._trash,
             "empty_trash": self._empty_trash,
             "statistics": self._statistics,
+            "merge": self._merge,
+            "split": self._split,
         }
 
     def picture(self, name: str, step: int, data_set: str | None = None) -> ColorImage:
@@ -112,6 +117,42 @@ class Library:
 
     def _statistics(self, _: Mapping[str, Any]) -> dict[str, Any]:
         return {"statistics": self._open().statistics().to_dict()}
+
+    def _merge(self, arguments: Mapping[str, Any]) -> dict[str, Any]:
+        """Another data set of the same folder into the open one."""
+        data_set, name = self._open(), text_of(arguments, "other")
+        other = self._root / check_name("data set", name)
+        there = len(DataSet.open(other).episodes())
+        added = len(data_set.merge(other))
+        rest = "" if added == there else "; the others were here already"
+        return {"words": f"{added} of the {there} episodes of {name} are added{rest}"}
+
+    def _split(self, arguments: Mapping[str, Any]) -> dict[str, Any]:
+        """The open data set into new ones beside it."""
+        data_set, parts = self._open(), _parts_of(arguments)
+        if self._recorder.episode is not None:
+            raise NotNowError("an episode is being recorded: end or discard it before the split")
+        made = data_set.split(parts, number_of({"seed": 0, **arguments}, "seed", 0, _MOST_SEEDS))
+        self._recorder.list_data_sets()
+        counts = ", ".join(f"{part.name}: {len(part.episodes())} episodes" for part in made.values())
+        return {"words": f"{counts}; {data_set.name} stays as it is"}
+
+
+def _parts_of(arguments: Mapping[str, Any]) -> dict[str, float]:
+    """Names with a share of 1 or a number of episodes, from [[name, share], …]. Raises CommandError, BadNameError."""
+    value, parts = arguments.get("parts"), {}
+    for entry in value if isinstance(value, list) and 0 < len(value) <= _MOST_PARTS else [None]:
+        match entry:
+            case [str(name), int(share) | float(share)] if not isinstance(share, bool) and abs(share) <= _MOST_EPISODES:
+                if check_name("part", name) in parts:
+                    raise CommandError(f"two parts have the name '{name}': give each its own")
+                parts[name] = share
+            case _:
+                raise CommandError(
+                    f"'parts' must be 1 to {_MOST_PARTS} pairs of a name and a share, as in [['train', 0.8], "
+                    "['val', 0.2]]"
+                )
+    return parts
 
 
 def _step_of(arguments: Mapping[str, Any], name: str) -> int | None:

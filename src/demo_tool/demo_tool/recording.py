@@ -45,7 +45,7 @@ class Recorder:
             root.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise StationError(f"data sets cannot be kept in {root}: {error.strerror}") from None
-        self._list_data_sets()
+        self.list_data_sets()
 
     def open(self, name: str, setup: CaptureSetup | None) -> str:
         """Open a data set, new where there is none; an episode that a crash left unfinished goes on. Words.
@@ -66,7 +66,7 @@ class Recorder:
                 raise NotNowError(f"data set '{name}' is new: it can be begun once the camera sends pictures")
             self._forget_episode()
             self.data_set, self.data_set_name = data_set, name
-            self._list_data_sets()
+            self.list_data_sets()
             return self._continue_episode(data_set)
 
     def check(self, setup: CaptureSetup) -> None:
@@ -186,8 +186,10 @@ class Recorder:
         if self._writer is not None:
             self.episode = {"name": str(self._writer.name), "steps": list(self._steps)}
 
-    def _list_data_sets(self) -> None:
-        self.data_set_names = tuple(sorted(path.parent.name for path in self._root.glob("*/dataset.yaml")))
+    def list_data_sets(self) -> None:
+        """Look which there are; a hidden one was not made to its end."""
+        names = sorted(path.parent.name for path in self._root.glob("*/dataset.yaml"))
+        self.data_set_names = tuple(name for name in names if not name.startswith("."))
 
 
 def step_shown(record: StepRecord) -> dict[str, Any]:

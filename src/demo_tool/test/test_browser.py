@@ -332,6 +332,7 @@ def test_texts_from_outside_stay_texts(person: Person) -> None:
 
 def test_the_policys_proposal_is_corrected(person: Person) -> None:
     person.click("#ask")
+    person.page.locator("#policy-words", has_text="It has a proposal, 83 % sure.").wait_for()
     person.click("#correct")
     person.words("pick", "the policy's position")
     person.click(".end.pick .turn[data-turn='-1']")
@@ -364,6 +365,29 @@ def test_episodes_are_edited(person: Person) -> None:
     assert person.place.station.command("trash", {})["trashed"]  # it asks first
     person.click("#empty-trash")
     until(lambda: not person.place.station.command("trash", {})["trashed"], "emptied")
+
+
+def test_data_sets_are_split_and_merged(person: Person) -> None:
+    for _ in range(2):
+        person.draw_both()
+        person.click("#record-only")
+        person.page.locator("#steps li").wait_for()
+        person.click("#next-episode")
+        until(lambda: not steps(person.place), "saved")
+    name = person.place.station.view(None)["data_set"]
+    person.click("#tab-episodes")
+    person.page.get_by_label("Per cent of part 1").fill("50")
+    person.page.get_by_label("Per cent of part 2").fill("")
+    person.click("#split button")
+    person.page.locator("#episodes-answer", has_text="✗ Each part needs a name and a share").wait_for()
+    person.page.get_by_label("Per cent of part 2").fill("50")
+    person.click("#split button")
+    person.page.locator("#episodes-answer", has_text=f"{name}_val: 1 episodes").wait_for()
+    person.click("#split button")
+    person.page.locator("#episodes-answer", has_text=f"✗ '{name}_train' exists").wait_for()
+    person.page.select_option("#merge-other", f"{name}_train")
+    person.click("#merge button")
+    person.page.locator("#episodes-answer", has_text="0 of the 1 episodes").wait_for()
 
 
 @pytest.mark.parametrize(("width", "height"), [(390, 844), (1024, 768)])

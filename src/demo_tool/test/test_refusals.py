@@ -184,6 +184,42 @@ def test_names_stay_within_the_folder_of_data_sets(bench, name) -> None:
     assert not any(bench.root.iterdir())
 
 
+def test_what_cannot_be_merged_or_split(bench) -> None:
+    assert "open a data set first" in bench.refused("merge", other="more")
+    bench.begin()
+    bench.draw()
+    bench.do("record")
+    for name in ("", "..", "../blocks", "/etc", ".hidden"):
+        assert "name" in bench.refused("merge", other=name)
+        assert "episode is being recorded" in bench.refused("split", parts=[["train", 1.0]])
+    bench.do("end_episode", success=True)
+    assert "merged with itself" in bench.refused("merge", other="blocks")
+    assert "is no data set" in bench.refused("merge", other="absent")
+    assert "'other' must be a text" in bench.refused("merge", other=None)
+    for nothing in (None, [], {}, "train=1", [["train"]], [["train", "1"]], [["a", True]], [["a", float("nan")]],
+                    [["a", 10**400]], [[f"part{i}", 1] for i in range(11)]):  # fmt: skip
+        assert "'parts' must be 1 to 10 pairs" in bench.refused("split", parts=nothing)
+    for name in ("", "../x", "a/b", ".x"):
+        assert "part name" in bench.refused("split", parts=[[name, 1.0]])
+    assert "two parts have the name 'a'" in bench.refused("split", parts=[["a", 0.5], ["a", 0.5]])
+    assert "shares that sum to 1" in bench.refused("split", parts=[["a", 0.9], ["b", 0.9]])
+    assert "shares that sum to 1" in bench.refused("split", parts=[["a", 0]])
+    assert "too few" in bench.refused("split", parts=[["a", 0.5], ["b", 0.5]])
+    assert "'seed' must be" in bench.refused("split", parts=[["a", 1.0]], seed=-1)
+    bench.do("split", parts=[["a", 1.0]])
+    assert "'blocks_a' exists" in bench.refused("split", parts=[["a", 1.0]])
+    assert sorted(path.name for path in bench.root.iterdir()) == ["blocks", "blocks_a"]
+
+
+def test_a_data_set_of_another_camera_is_not_merged(bench) -> None:
+    bench.begin("moved")
+    pose = bench.table.camera_in_base
+    bench.table.camera_in_base = Pose(pose.rotation, pose.translation + np.array([0.012, 0.0, 0.0]))
+    bench.see()
+    bench.do("open_data_set", name="blocks")
+    assert "stands 12 mm elsewhere" in bench.refused("merge", other="moved")
+
+
 def test_a_folder_that_cannot_be(make_bench, tmp_path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(StationError, match="data sets cannot be kept in"):

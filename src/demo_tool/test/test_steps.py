@@ -127,6 +127,31 @@ def test_recording_only_moves_nothing(bench) -> None:
     assert not record.executed and record.primitive is Primitive.FOLD
 
 
+def test_a_sweep_is_drawn_asked_for_and_recorded_across_its_way(bench) -> None:
+    bench.begin()
+    bench.do("primitive", name="sweep")
+    bench.rest()
+    bench.do("pick", box=bench.table.box_at(0.40, -0.25), rotation=7)
+    assert bench.view["draft"]["pick"]["rotation"] == 7
+    bench.do("place", box=bench.table.box_at(0.55, -0.25), rotation=0)
+    shown = bench.view["draft"]
+    assert shown["pick"]["rotation"] == shown["place"]["rotation"] == 9  # along x, so the jaws stand along y
+    fingers = np.array(shown["pick"]["footprint"])
+    assert np.abs(fingers[0] - fingers[1]).min() < 2.0  # the hand is closed
+    bench.do("execute")
+    (goal,) = bench.arm.goals
+    bench.rest()
+    bench.do("end_episode", success=True)
+    record = episode_of(bench).step(0).record
+    assert (record.primitive, record.source) == (Primitive.SWEEP, Source.CLICKED)
+    assert record.pick == goal.pick and record.place == goal.place
+    assert (record.pick_rotation, record.place_rotation) == (9, 9)
+    assert goal.pick.yaw == goal.place.yaw == pytest.approx(np.pi / 2, abs=0.05)
+    bench.do("primitive", name="fold")
+    bench.draw(rotation=7)
+    assert bench.view["draft"]["pick"]["rotation"] == 7
+
+
 def test_undo_drops_the_last_step_and_says_that_the_arm_stays(bench) -> None:
     bench.begin()
     for _ in range(2):
@@ -265,3 +290,24 @@ def test_editing(bench) -> None:
     assert bench.do("trash") == {"trashed": []}
     assert "no episode" in bench.refused("relabel", name=name, text="x")
     assert "name" in bench.refused("delete", name="../blocks")
+
+
+def test_data_sets_are_merged_and_split(bench) -> None:
+    def recorded(data_set: str, episodes: int) -> None:
+        bench.do("open_data_set", name=data_set)
+        for _ in range(episodes):
+            bench.draw()
+            bench.do("record")
+            bench.do("end_episode", success=True)
+
+    bench.begin("more")
+    recorded("more", 1)
+    recorded("blocks", 4)
+    assert bench.do("merge", other="more")["words"] == "1 of the 1 episodes of more are added"
+    assert bench.do("merge", other="more")["words"].startswith("0 of the 1 episodes")
+    answer = bench.do("split", parts=[["train", 0.8], ["val", 0.2]])
+    assert answer["words"] == "blocks_train: 4 episodes, blocks_val: 1 episodes; blocks stays as it is"
+    assert bench.view["data_sets"] == ["blocks", "blocks_train", "blocks_val", "more"]
+    bench.do("split", parts=[["few", 2]], seed=5)
+    parts = [DataSet.open(bench.root / f"blocks_{part}").episodes() for part in ("train", "val", "few")]
+    assert [len(part) for part in parts] == [4, 1, 2] and len(bench.do("episodes")["episodes"]) == 5

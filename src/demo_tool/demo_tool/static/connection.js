@@ -3,6 +3,8 @@
 const SILENCE_MS = 5000; // the server says something every second
 const RETRY_MS = [200, 500, 1000, 2000];
 const ANSWER_MS = 15000;
+const COPIED_MS = 600000;
+const COPYING = ["merge", "split"];
 const OPENED_AGAIN = 4001;
 
 function newName() {
@@ -50,7 +52,7 @@ export class Connection extends EventTarget {
       const timer = setTimeout(() => {
         this.#waiting.delete(id);
         reject(new Error("The server did not answer in time."));
-      }, ANSWER_MS);
+      }, COPYING.includes(command) ? COPIED_MS : ANSWER_MS);
       this.#waiting.set(id, { resolve, reject, timer });
       this.#socket.send(JSON.stringify({ id, command, arguments: args }));
     });

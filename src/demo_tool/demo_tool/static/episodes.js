@@ -1,5 +1,6 @@
-// The episodes of the open data set: list, look through, relabel, mark, trim, trash; and what the data set lacks.
+// The episodes of the open data set: list, look through, relabel, mark, trim, trash; merge, split; what it lacks.
 
+import { DataSets } from "./datasets.js";
 import { EpisodeView } from "./episode.js";
 import { askFirst, byId, element, say } from "./page.js";
 import { statisticsParts } from "./statistics.js";
@@ -19,6 +20,7 @@ function when(name) {
 export class Episodes extends EventTarget {
   #call;
   #one;
+  #others;
   #dataSet = null;
   #mine = false;
   #shown = false;
@@ -27,6 +29,7 @@ export class Episodes extends EventTarget {
     super();
     this.#call = call;
     this.#one = new EpisodeView(byId("one-episode"), (command, args) => this.#edit(command, args));
+    this.#others = new DataSets((command, args) => this.#edit(command, args), (words) => this.#say(false, words));
     byId("episodes-refresh").addEventListener("click", () => this.refresh());
     byId("data-set-other").addEventListener("click", () => this.dispatchEvent(new Event("another-data-set")));
     byId("count").addEventListener("click", () => this.#count());
@@ -40,6 +43,7 @@ export class Episodes extends EventTarget {
       document.body.classList.toggle("may-edit", mine);
       this.#allow();
     }
+    this.#others.show(view.data_sets, view.data_set, mine);
     if (view.data_set !== this.#dataSet) {
       this.#dataSet = view.data_set;
       this.#one.close();
@@ -104,6 +108,7 @@ export class Episodes extends EventTarget {
   }
 
   async #edit(command, args = {}) {
+    this.#say(true, "…");
     try {
       const answer = await this.#call(command, args);
       this.#say(true, answer?.words ?? "Done.");

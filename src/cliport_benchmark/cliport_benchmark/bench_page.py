@@ -1,0 +1,234 @@
+"""The demonstration page on the running graph: how old its live picture is, what it costs, whether it keeps memory."""
+
+from __future__ import annotations
+
+import json
+import re
+import socket
+import tempfile
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from http.client import HTTPConnection, HTTPException
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import rclpy
+from rosgraph_msgs.msg import Clock
+from websockets.exceptions import ConnectionClosed, WebSocketException
+from websockets.sync.client import ClientConnection, connect
+from websockets.typing import Origin
+
+from cliport_benchmark.errors import BenchmarkError
+from cliport_benchmark.graph_process import GraphProcess
+from cliport_benchmark.page_process import PageProcess
+from cliport_perception.ros_running import SpinThread
+
+WIDTH = 960  # of the camera's picture and of the page's [pixels]
+_READY_S = 120.0
+_HEARD_S = 10.0  # until /clock is heard
+_FIRST = 5  # pictures that are not counted: they lay ready before they were asked for
+_REST_S, _LOOKS = 3.0, 30  # in which memory comes to rest, and is looked at
+
+
+def page_figures(task: str, pictures: int = 200, loads: int = 1000, warm_up: int = 100) -> dict[str, list[float]]:
+    """Of the page's process in the simulator's graph, at real time, with one page open.
+
+    latency [ms]: of each picture, see `_latencies`. cores: its processor time over wall time meanwhile.
+    growth [MB]: of its memory over so many page loads whose websocket is dropped without a close, after a warm-up,
+    and over as many more.
+
+    Raises:
+        BenchmarkError: when the graph or the page does not come up, or the page stops answering.
+    """
+    try:
+        return _figures(task, pictures, loads, warm_up)
+    except (OSError, HTTPException, WebSocketException) as error:
+        raise BenchmarkError(f"the page's server does not answer: {error or type(error).__name__}") from error
+
+
+def _figures(task: str, pictures: int, loads: int, warm_up: int) -> dict[str, list[float]]:
+    with tempfile.TemporaryDirectory() as name:
+        log, sets = Path(name) / "log", Path(name) / "sets"
+        with (
+            GraphProcess("sim.launch.yaml", {"task": task, "split": "val", "seed": "0"}, log) as graph,
+            PageProcess(sets) as page,
+            _open_page(page, "the-page-that-is-seen") as session,
+        ):
+            _wait_ready(session, graph)
+            with _drained(session):
+                began, used = time.monotonic(), page.cpu_seconds()
+                latencies = _latencies(page, pictures)
+                cores = (page.cpu_seconds() - used) / (time.monotonic() - began)
+                growth = _growth(page, loads, warm_up)
+    return {"latency": latencies, "cores": [cores], "growth": growth}
+
+
+class _SimulatedTime:
+    """When, by this machine's clock, simulated time was what: /clock, and when the simulator wrote it."""
+
+    def __init__(self) -> None:
+        self._said: list[tuple[int, int]] = []  # simulated time, time of writing [ns]
+        self._context = rclpy.Context()
+        self._context.init()
+        self._node = rclpy.create_node("bench_page", context=self._context)
+        self._node.create_subscription(Clock, "/clock", self._take, 100)  # type: ignore[arg-type]
+        self._spinner = SpinThread(self._node, lambda _: None, self._context)
+        deadline = time.monotonic() + _HEARD_S
+        while not self._said and time.monotonic() < deadline:
+            time.sleep(0.05)
+
+    def close(self) -> None:
+        self._spinner.stop()
+        self._node.destroy_node()
+        self._context.try_shutdown()
+
+    def written(self, stamps_ns: list[int]) -> list[float]:
+        """By this machine's clock [ns], in between what was heard."""
+        simulated, wall = np.array(self._said, dtype=np.float64).reshape(-1, 2).T
+        if not len(simulated) or min(stamps_ns) < simulated[0] or max(stamps_ns) > simulated[-1]:
+            raise BenchmarkError("/clock was not heard for the time of all pictures: is the simulator running?")
+        return [float(ns) for ns in np.interp(stamps_ns, simulated, wall)]
+
+    def _take(self, message: Clock, info: Any) -> None:
+        self._said.append((message.clock.sec * 10**9 + message.clock.nanosec, info["source_timestamp"]))
+
+
+def _latencies(page: PageProcess, n: int) -> list[float]:
+    """From the camera's stamp to decoded pixels, of n pictures that are fetched one by one as the page does [ms].
+
+    The stamp is simulated time. That is turned into this machine's by the times at which the simulator wrote /clock
+    (50 Hz, in between by proportion): so a simulation that falls behind real time does not count. Exact to the 5 ms
+    in which the simulator's steps follow one another. Rendering the picture is in it; drawing it on a screen is not.
+    """
+    clock = _SimulatedTime()
+    try:
+        seen = list(_pictures(page, n))
+        time.sleep(0.2)  # until the clock has passed the last stamp
+        written = clock.written([stamp for stamp, _ in seen])
+    finally:
+        clock.close()
+    return [(arrived - start) / 1e6 for (_, arrived), start in zip(seen, written, strict=True)]
+
+
+def _pictures(page: PageProcess, n: int) -> Iterator[tuple[int, int]]:
+    """Stamp and arrival of each [ns], after the first few; see live.js."""
+    connection = HTTPConnection("127.0.0.1", page.port, timeout=10)
+    after, known = "0", ""
+    count = -_FIRST
+    while count < n:
+        connection.request("GET", f"/picture/color.jpg?after={after}&width={WIDTH}{known}")
+        answer = connection.getresponse()
+        began = time.perf_counter()
+        file = answer.read()
+        if answer.status == 204:
+            continue
+        if answer.status != 200:
+            raise BenchmarkError(f"the page's picture was refused: {answer.status} {file[:80].decode()}")
+        took = round(1000 * (time.perf_counter() - began))
+        picture = cv2.imdecode(np.frombuffer(file, np.uint8), cv2.IMREAD_COLOR)
+        arrived = time.time_ns()
+        after, known = answer.headers["X-Sequence"], f"&level={answer.headers['X-Level']}&took={took}"
+        count += 1
+        if count > 0:
+            if picture is None or picture.shape[1] != WIDTH:
+                raise BenchmarkError(f"the page's picture is not {WIDTH} pixels wide: the link is too slow for it")
+            yield int(answer.headers["X-Stamp-Ns"]), arrived
+    connection.close()
+
+
+def _growth(page: PageProcess, loads: int, warm_up: int) -> list[float]:
+    """Of the memory over page loads, and over as many again: only what leaks grows there, too [MB]."""
+    files = _files(page)
+    held, first = [], 0
+    for last in (warm_up, warm_up + loads, warm_up + 2 * loads):
+        for number in range(first, last):
+            _load_and_drop(page, files, number)
+        held.append(_resting_mb(page))
+        first = last
+    return [after - before for before, after in pairwise(held)]
+
+
+def _files(page: PageProcess) -> list[str]:
+    """What a browser asks for: the page, what it names, and what its scripts import."""
+    files = ["/"]
+    for path in files:  # which grows
+        text = _get(page, path).decode(errors="replace")
+        named = re.findall(r"/static/[\w.]+", text) + [
+            f"/static/{name}" for name in re.findall(r'"\./(\w+\.js)"', text)
+        ]
+        files += [name for name in dict.fromkeys(named) if name not in files]
+    return files
+
+
+def _load_and_drop(page: PageProcess, files: list[str], number: int) -> None:
+    """As a browser whose connection breaks: no websocket is closed, the next picture is never read."""
+    for path in files:
+        _get(page, path)
+    picture = HTTPConnection("127.0.0.1", page.port, timeout=10)
+    picture.request("GET", f"/picture/color.jpg?after=0&width={WIDTH}")
+    session = _open_page(page, f"dropped-page-{number}")
+    session.recv(timeout=5)
+    for broken in (session.socket, picture.sock):
+        broken.shutdown(socket.SHUT_RDWR)
+        broken.close()
+
+
+def _get(page: PageProcess, path: str) -> bytes:
+    connection = HTTPConnection("127.0.0.1", page.port, timeout=10)
+    connection.request("GET", path)
+    answer = connection.getresponse()
+    file = answer.read()
+    connection.close()
+    if answer.status != 200:
+        raise BenchmarkError(f"the page's server answered {answer.status} for {path}")
+    return file
+
+
+def _resting_mb(page: PageProcess) -> float:
+    """The least that it holds in some seconds: pictures come and go."""
+    found = []
+    for _ in range(_LOOKS):
+        time.sleep(_REST_S / _LOOKS)
+        found.append(page.resident_mb())
+    return min(found)
+
+
+def _open_page(page: PageProcess, name: str) -> ClientConnection:
+    origin = Origin(f"http://127.0.0.1:{page.port}")
+    return connect(f"ws://127.0.0.1:{page.port}/session?page={name}", origin=origin)
+
+
+def _wait_ready(session: ClientConnection, graph: GraphProcess) -> None:
+    """Until the page has a picture to act on. Raises BenchmarkError."""
+    deadline, words = time.monotonic() + _READY_S, ""
+    while time.monotonic() < deadline and graph.healthy:
+        view = json.loads(session.recv(timeout=5)).get("view", {})
+        words = view.get("words", words)
+        if view.get("state") == "ready":
+            return
+    raise BenchmarkError(f"the page was not ready: {words}\n{graph.log_tail()}")
+
+
+@contextmanager
+def _drained(session: ClientConnection) -> Iterator[None]:
+    """Read what the server pushes for as long as the context lasts."""
+
+    def read() -> None:
+        try:
+            for _ in session:
+                pass
+        except ConnectionClosed:
+            return
+
+    reader = threading.Thread(target=read, daemon=True)
+    reader.start()
+    try:
+        yield
+    finally:
+        session.close()
+        reader.join(5.0)

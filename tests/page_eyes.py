@@ -1,0 +1,93 @@
+"""What somebody at the page makes out on the live picture, by colour alone. Points are (col, row) in its pixels."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+COLORS = {"red": (0, 135), "green": (56, 100)}  # OpenCV's hue and least saturation of the tasks' colours
+_WIDTH = 960  # of the picture that these lengths are for
+_RUN_UP = 34.0  # behind the farthest small block, where the closed hand has room
+_NEAR = 26.0  # part of a rope by which its direction is seen
+_BOX = 9.0  # half a box around a point
+
+
+@dataclass(frozen=True)
+class Blob:
+    """Something of one colour. half: half its sides; angle: of a side, in the picture."""
+
+    centre: tuple[float, float]
+    half: tuple[float, float]
+    angle: float = 0.0
+
+    @classmethod
+    def around(cls, point: NDArray[np.float64], half: float, angle: float = 0.0) -> Blob:
+        """A square of 2 half about a point."""
+        return cls((float(point[0]), float(point[1])), (half, half), angle)
+
+
+def of_color(picture: NDArray[np.uint8], color: str) -> NDArray[np.uint8]:
+    """(H, W) 1 where an RGB picture (H, W, 3) has a colour."""
+    hsv = cv2.cvtColor(picture, cv2.COLOR_RGB2HSV).astype(int)
+    hue, saturation = COLORS[color]
+    away = np.abs((hsv[..., 0] - hue + 90) % 180 - 90)
+    return ((away <= 6) & (hsv[..., 1] > saturation) & (hsv[..., 2] > 60)).astype(np.uint8)
+
+
+def find(picture: NDArray[np.uint8], color: str, least: int = 150) -> list[Blob]:
+    """What has a colour in an RGB picture (H, W, 3), from left to right."""
+    mask = cv2.morphologyEx(of_color(picture, color), cv2.MORPH_CLOSE, np.ones((5, 5), np.uint8))
+    contours, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    blobs = []
+    for contour in contours:
+        if cv2.contourArea(contour) >= least:
+            left, top, width, height = cv2.boundingRect(contour)
+            angle = math.radians(cv2.minAreaRect(contour)[2])
+            blobs.append(Blob((left + width / 2, top + height / 2), (width / 2, height / 2), angle))
+    return sorted(blobs, key=lambda blob: blob.centre)
+
+
+def inside(inner: Blob, outer: Blob) -> bool:
+    """Whether one lies within another."""
+    return all(abs(a - b) < half for a, b, half in zip(inner.centre, outer.centre, outer.half, strict=True))
+
+
+def sweep(picture: NDArray[np.uint8]) -> tuple[Blob, Blob]:
+    """From behind the red thing that lies farthest from the green square into the square."""
+    red, square = _points(picture, "red"), _middle(picture, "green")
+    farthest = red[np.argmax(np.linalg.norm(red - square, axis=1))]
+    forth = (square - farthest) / np.linalg.norm(square - farthest)
+    scale = picture.shape[1] / _WIDTH
+    return Blob.around(farthest - scale * _RUN_UP * forth, scale * _BOX), Blob.around(square, scale * _BOX)
+
+
+def fold(picture: NDArray[np.uint8]) -> tuple[Blob, Blob]:
+    """An end of the red rope, its angle that of the jaws across it, and the middle of the green square."""
+    red, square = _points(picture, "red"), _middle(picture, "green")
+    scale = picture.shape[1] / _WIDTH
+    end = red[np.argmax(np.linalg.norm(red - red.mean(axis=0), axis=1))]
+    near = red[np.linalg.norm(red - end, axis=1) < scale * _NEAR]
+    along = np.linalg.svd(near - near.mean(axis=0), full_matrices=False)[2][0]
+    across = math.atan2(along[1], along[0]) + math.pi / 2
+    return Blob.around(near.mean(axis=0), scale * _BOX, across), Blob.around(square, scale * _BOX)
+
+
+def distance(picture: NDArray[np.uint8], color: str, point: tuple[float, float]) -> float:
+    """To the nearest pixel of a colour."""
+    return float(np.linalg.norm(_points(picture, color) - point, axis=1).min())
+
+
+def _points(picture: NDArray[np.uint8], color: str) -> NDArray[np.float64]:
+    """(N, 2) of all pixels of a colour, without specks."""
+    mask = cv2.morphologyEx(of_color(picture, color), cv2.MORPH_OPEN, np.ones((2, 2), np.uint8))
+    return np.argwhere(mask)[:, ::-1].astype(np.float64)
+
+
+def _middle(picture: NDArray[np.uint8], color: str) -> NDArray[np.float64]:
+    """Of the rectangle around all that has a colour."""
+    points = _points(picture, color)
+    return np.asarray((points.min(axis=0) + points.max(axis=0)) / 2)
