@@ -12,7 +12,7 @@ from cliport_policy.settings import check_choice, check_keys, check_types
 TARGETS = ("soft", "one_hot")
 SCHEDULES = ("cosine", "constant")
 PRECISIONS = ("auto", "float32", "bfloat16")
-RECOLORS = ("off", "demonstrated", "surveyed")
+RECOLORS = ("none", "demonstrated", "surveyed")
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ class TrainConfig:
     directed_rotation_sigma_deg: the same where the sentence names a direction, such as left, that turning falsifies.
     precision: `bfloat16` where it loses little, `float32`, or `auto`: the first where this machine is fast at it.
     recolor: recolor_probability of the samples that name colours get others, and their sentences too: `demonstrated`,
-    those that the demonstrations show and name, or `surveyed`, all basic colours, in shades of a survey; or `off`.
+    those that the demonstrations show and name, or `surveyed`, all basic colours, in shades of a survey; or `none`.
     jitter: whether colours and heights get small errors. phrases_per_goal: wordings that a canonical sentence gets.
     """
 
@@ -92,7 +92,7 @@ class TrainConfig:
     rotation_sigma_deg: float = 60.0
     directed_rotation_sigma_deg: float = 10.0
     translation_sigma_px: float = 26.67
-    recolor: str = "off"
+    recolor: str = "none"
     recolor_probability: float = 0.7
     jitter: bool = True
     phrases_per_goal: int = 200

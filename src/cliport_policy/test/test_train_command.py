@@ -11,7 +11,7 @@ import torch
 from safetensors.torch import load_file
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
-from cliport_policy.config import PAPER, TrainConfig
+from cliport_policy.config import PAPER, RECOLORS, TrainConfig
 from cliport_policy.train import main
 from cliport_policy.training.log import ProgressLine
 from cliport_policy.training.options import parse_options
@@ -78,6 +78,7 @@ def test_two_processes_are_as_one(make_flat_set: Callable[..., Path], tmp_path: 
         (["--data", "{data}", "--set", "widht=1"], "did you mean 'widths'"),
         (["--data", "{data}", "--set", "train.jiter=1"], "did you mean 'jitter'"),
         (["--data", "{data}", "--set", "nonsense"], "KEY=VALUE"),
+        (["--data", "{data}", "--set", "train.recolor=survey"], "did you mean 'surveyed'"),
         (["--data", "{data}:0"], "weight"),
         (["--data", "{data}", "--n-demos", "99"], "99 were asked for"),
         (["--data", "{data}", "--n-demos", "0"], "--n-demos must be 1 or more"),
@@ -123,3 +124,9 @@ def test_options_change_a_recipe() -> None:
 def test_progress_is_one_line() -> None:
     line = ProgressLine(sys.stderr).line(Progress(30, 60, {}, 1e-3, 31.25, 2.0))
     assert line.startswith("[############------------] 30/60") and "31.2 samples/s" in line and "2 min left" in line
+
+
+@pytest.mark.parametrize("recolor", RECOLORS)
+def test_recolor_is_set_by_its_name(recolor: str) -> None:
+    """YAML takes some words, such as off, for something else."""
+    assert parse_options(["--data", "a", "--out", "o", "--set", f"train.recolor={recolor}"]).train.recolor == recolor

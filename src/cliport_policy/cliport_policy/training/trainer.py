@@ -199,7 +199,7 @@ class Trainer:
     def _sentences(self) -> tuple[Recoloring | None, Phrasebook]:
         config, sentences = self.config, self.data.instructions()
         phrases, rng = config.phrases_per_goal, np.random.default_rng((config.seed, 1))
-        if config.recolor == "off":
+        if config.recolor == "none":
             return None, Phrasebook(sentences, phrases, rng)
         surveyed = config.recolor == "surveyed"
         recoloring = Recoloring(self.data, surveyed, np.random.default_rng((config.seed, 2)))
