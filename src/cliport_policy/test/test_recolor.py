@@ -112,9 +112,16 @@ def test_shadows_stay_darker(make_flat_set: MakeSet, tmp_path: Path) -> None:
     assert 0.5 < image[row + 5, col].sum() / image[row, col].sum() < 0.9
 
 
-@pytest.mark.parametrize("sentence", ["put the block in the bowl", "put the green blocks in a blue bowl"])
+@pytest.mark.parametrize(
+    "sentence",
+    [
+        "put the block in the bowl",
+        "put the green blocks in a blue bowl",
+        "put red, blue, green, yellow, brown, gray, cyan, pink and white blocks in a bowl",
+    ],
+)
 def test_what_is_not_recognised_stays_as_it_is(sentence: str, make_flat_set: MakeSet, tmp_path: Path) -> None:
-    """The block is red: a sentence that calls it green is not understood."""
+    """The block is red: a sentence that calls it green is not understood, nor one that names many colours."""
     mixture = _mixture(make_flat_set, tmp_path, sentence)
     drawn = _acting(mixture)
     assert named_colors(drawn.demo, drawn.data.observation(drawn.frame)) == {}

@@ -25,6 +25,7 @@ _PATCH = 3  # pixels around a pick or a place that show its colour
 _RAISED = 0.005  # m above the base's z = 0: a thing, neither the table nor a shadow on it
 _SAME = 14.0  # CIELAB units: as far as one thing's pixels are from its colour
 _FAR = 30.0  # CIELAB units from the nearest surveyed shade: nobody calls a colour so
+_MOST_TERMS = 2  # in a sentence: that of what is picked and that of where it goes
 _SCENES = 200  # whose colours are learned
 _SHADES = 24  # that a colour is known by
 _SURVEYED_WEIGHT = 0.2  # of a colour that only the survey knows: demonstrated ones are what will be asked for
@@ -123,7 +124,7 @@ class Recoloring:
 
     def _changes_of(self, text: str, most: int, rng: np.random.Generator) -> list[dict[str, str]]:
         terms = terms_in(text)
-        if not terms or not set(terms) <= set(self._palette):
+        if not 1 <= len(terms) <= _MOST_TERMS or not set(terms) <= set(self._palette):
             return []
         others = [new for new in permutations(self._palette, len(terms)) if list(new) != terms]
         kept = sorted(rng.permutation(len(others))[:most])
@@ -142,7 +143,7 @@ def named_colors(demo: Demonstration, scene: Heightmap) -> dict[str, Lab]:
     Empty where not all are recognised.
     """
     terms = terms_in(demo.instruction)
-    if not 1 <= len(terms) <= 2:
+    if not 1 <= len(terms) <= _MOST_TERMS:
         return {}
     seen = np.stack([_color_at(scene, pixel) for pixel in (demo.pick_pixel, demo.place_pixel)])
     apart = np.stack([distance(seen, surveyed_shades()[term]) for term in terms])  # (terms, 2)
