@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import select
 import signal
 import subprocess
 import sys
@@ -11,6 +12,7 @@ from pathlib import Path
 
 from cliport_benchmark.errors import BenchmarkError
 
+_START_S = 60.0  # until it says where it is
 _PATIENCE_S = 20.0  # for its end
 
 
@@ -30,7 +32,8 @@ class PageProcess:
         command = [sys.executable, "-m", "demo_tool.app", "--port", str(port), "--data-sets", str(data_sets)]
         self._process = subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True)
         assert self._process.stdout is not None
-        line = self._process.stdout.readline()
+        spoke, _, _ = select.select([self._process.stdout], [], [], _START_S)
+        line = self._process.stdout.readline() if spoke else f"it said nothing in {_START_S:.0f} s"
         found = re.search(r"http://\S+:(\d+)", line)
         if not found:
             self.end()

@@ -11,7 +11,6 @@ from pathlib import Path
 from cliport_episodes.errors import EpisodesError
 from cliport_perception.errors import PerceptionError
 from cliport_perception.ros_running import run_node
-from demo_tool.allocator import keep_one_heap
 from demo_tool.errors import DemoToolError
 from demo_tool.ros_link import RosLink
 from demo_tool.station import Station
@@ -38,7 +37,6 @@ def main(argv: list[str] | None = None) -> int:
     except DemoToolError as error:
         print(f"error: {error}", file=sys.stderr)
         return 1
-    keep_one_heap()
     servers: list[WebServer] = []
 
     def make_node(fail: Callable[[BaseException], None]) -> RosLink:

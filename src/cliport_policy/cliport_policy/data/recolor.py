@@ -6,7 +6,6 @@ colour before gets the old one: the sentence still names one thing of the scene.
 
 from __future__ import annotations
 
-import math
 from itertools import permutations
 from typing import NamedTuple
 
@@ -81,10 +80,14 @@ class Recoloring:
                 self._acting.setdefault(_key(drawn), drawn)
         self._named: dict[_Key, dict[str, Lab]] = {}
         self._palette = self._learn(rng)
-        self._demonstrated = frozenset(self._palette)
+        demonstrated = set(self._palette)
         if surveyed:
             self._palette = {term: _spread(shades) for term, shades in surveyed_shades().items()} | self._palette
         self._changes = self._draw_changes(mixture.instructions(), rng)
+        self._weights = {
+            text: np.cumsum([_SURVEYED_WEIGHT ** len(set(change.values()) - demonstrated) for change in changes])
+            for text, changes in self._changes.items()
+        }
 
     def sentences(self) -> list[str]:
         """All that a repainting may make of the mixture's sentences, sorted."""
@@ -95,16 +98,13 @@ class Recoloring:
         changes, named = self._changes[drawn.demo.instruction], self._colors_of(_key(drawn))
         if not changes or not named:
             return None
-        weights = np.cumsum([self._weight(change) for change in changes])
+        weights = self._weights[drawn.demo.instruction]
         terms = changes[int(np.searchsorted(weights, rng.random() * weights[-1], side="right"))]
         paints = [Paint(named[term][None], self._shade(new, rng)) for term, new in terms.items()]
         taken = sorted(set(terms.values()) - set(terms))
         free = rng.permutation(sorted(set(terms) - set(terms.values())))
         paints += [Paint(self._palette[term], named[old]) for term, old in zip(taken, free, strict=True)]
         return Repainting(terms, tuple(paints))
-
-    def _weight(self, change: dict[str, str]) -> float:
-        return math.prod(1.0 if term in self._demonstrated else _SURVEYED_WEIGHT for term in change.values())
 
     def _shade(self, term: str, rng: np.random.Generator) -> Lab:
         shades = self._palette[term]
