@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 import base64
+import itertools
 import math
 import os
 import shutil
@@ -19,7 +20,7 @@ import signal
 import sys
 import time
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -50,6 +51,8 @@ BROWSER_ARGUMENTS = (
 expect.set_options(timeout=20_000)
 SUCCEEDED = 0
 DATA_SET = "by-hand"
+_TRIES = 8
+_REFUSAL = "#answer[data-ok=false]"  # its words may stand elsewhere on the page
 
 
 class Person:
@@ -121,15 +124,12 @@ class Person:
     def step(self, start: Blob, end: Blob, shape: tuple[int, ...], margins: tuple[float, float]) -> None:
         """Draw both boxes, turn the fingers until the arm can do it, and let it."""
         before = self.steps()
-        for name, blob, margin in (("pick", start, margins[0]), ("place", end, margins[1])):
-            self.draw(blob, shape, margin)
-            expect(self.page.locator(f".end.{name} .end-words")).to_contain_text("points")
-        for turn in (0.0, math.pi / 2) * 3:  # along either side of the thing; again where the picture was too old
-            self.turn(start, shape, start.angle + turn)
-            if self.can():
-                break
+        self._until(lambda: self.draws("pick", start, shape, margins[0]))
+        self._until(lambda: self.draws("place", end, shape, margins[1]))
+        turns = itertools.cycle((0.0, math.pi / 2))  # along either side of the thing
+        self._until(lambda: self.can(start, shape, start.angle + next(turns)))
         self.remember("previewed")
-        self.page.locator("#execute").click()
+        self._until(self.executes)
         if self.album:
             self.page.locator("#progress:not([hidden])").wait_for()
             time.sleep(2.0)
@@ -137,20 +137,26 @@ class Person:
         expect(self.page.locator("#steps li")).to_have_count(before + 1, timeout=120_000)
         self.sees("ready")
 
-    def can(self) -> bool:
-        """Ask whether the arm can do what is drawn."""
+    def can(self, blob: Blob, shape: tuple[int, ...], angle: float) -> bool:
+        """Turn the fingers, and ask whether the arm can do what is drawn."""
+        self.turn(blob, shape, angle)
+        self.sees("ready")
         self.page.locator("#preview").click()
-        verdict = self.page.locator("#plan")
-        verdict.or_(self.page.locator("#answer[data-ok=false]")).first.wait_for()
-        return verdict.is_visible() and "✓" in (verdict.text_content() or "")
+        return self._answered("#plan:not([hidden])") and "✓" in (self.page.locator("#plan").text_content() or "")
 
-    def draw(self, blob: Blob, shape: tuple[int, ...], margin: float) -> None:
-        """A box around something."""
+    def executes(self) -> bool:
+        """Let the arm do it; whether it begins."""
+        self.page.locator("#execute").click()
+        return self._answered("#state:is([data-state=planning], [data-state=executing])")
+
+    def draws(self, end: str, blob: Blob, shape: tuple[int, ...], margin: float) -> bool:
+        """A box around something; whether the page takes it."""
         (col, row), (wide, high) = blob.centre, blob.half
         self.page.mouse.move(*self._at(col - wide - margin, row - high - margin, shape))
         self.page.mouse.down()
         self.page.mouse.move(*self._at(col + wide + margin, row + high + margin, shape), steps=4)
         self.page.mouse.up()
+        return self._answered(f".end.{end} .end-words:has-text('points')")
 
     def turn(self, blob: Blob, shape: tuple[int, ...], angle: float) -> None:
         """Choose the pick and click beside its box, in a direction of the picture."""
@@ -162,11 +168,6 @@ class Person:
         self.page.locator("#success" if success else "#failure").click()
         self.page.locator("#next-episode").click()
         expect(self.page.locator("#steps li")).to_have_count(0)
-
-    def leave(self) -> None:
-        """Close the page; nothing went wrong in it."""
-        assert not self.faults, self.faults
-        self.page.context.close()
 
     def look_around(self) -> None:
         """Stop and resume, then look at what was recorded: for the album."""
@@ -188,6 +189,19 @@ class Person:
         if self.album and not (self.album / f"page_{state}.jpg").exists():
             self.album.mkdir(parents=True, exist_ok=True)
             self.page.screenshot(path=self.album / f"page_{state}.jpg", type="jpeg", quality=80)
+
+    def _until(self, act: Callable[[], bool]) -> None:
+        """Try again what the page refuses: now and then a picture is too old, or a direction is no good."""
+        for _ in range(_TRIES):
+            self.sees("ready")
+            if act():
+                return
+        raise AssertionError(f"refused {_TRIES} times; the page says: {self.page.locator('#answer').text_content()}")
+
+    def _answered(self, granted: str) -> bool:
+        """Wait for what the page shows when it does what was asked, or for its refusal; whether it was the former."""
+        self.page.locator(f"{granted}, {_REFUSAL}").first.wait_for(state="attached")
+        return self.page.locator(granted).count() > 0
 
     def _at(self, col: float, row: float, shape: tuple[int, ...]) -> tuple[float, float]:
         """Where a pixel of the picture is on the screen."""

@@ -25,8 +25,14 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Iterator[teaching.Workpla
         yield made
 
 
-def test_a_demonstration_survives_a_killed_server(place: teaching.Workplace) -> None:
-    person = teaching.Person(place.browser, place.app.address)
+@pytest.fixture
+def person(place: teaching.Workplace) -> Iterator[teaching.Person]:
+    made = teaching.Person(place.browser, place.app.address)
+    yield made
+    made.page.context.close()
+
+
+def test_a_demonstration_survives_a_killed_server(place: teaching.Workplace, person: teaching.Person) -> None:
     person.open_data_set(teaching.DATA_SET)
     teaching.lay_out(person, place.client, seed=3000)
     person.say(teaching.SENTENCE)
@@ -37,7 +43,7 @@ def test_a_demonstration_survives_a_killed_server(place: teaching.Workplace) -> 
     person.pick_and_place()
     score = place.client.score()
     person.end_episode(success=True)
-    person.leave()
+    assert not person.faults
     assert score == 1.0
     folder = place.sets / teaching.DATA_SET
     assert teaching.outcomes(folder) == [[teaching.SUCCEEDED] * 2]
@@ -47,11 +53,10 @@ def test_a_demonstration_survives_a_killed_server(place: teaching.Workplace) -> 
 
 
 @pytest.mark.parametrize("primitive", teaching.OTHERS)
-def test_sweeps_and_folds_are_taught_too(place: teaching.Workplace, primitive: str) -> None:
-    person = teaching.Person(place.browser, place.app.address)
+def test_sweeps_and_folds_are_taught_too(place: teaching.Workplace, person: teaching.Person, primitive: str) -> None:
     person.change_data_set(primitive)
     before, after = teaching.sweep_or_fold(person, place.client, primitive, seed=2)
-    person.leave()
+    assert not person.faults
     folder = place.sets / primitive
     assert teaching.outcomes(folder) == [[teaching.SUCCEEDED]]
     data_set = DataSet.open(folder)
