@@ -104,6 +104,21 @@ def test_losses_of_ignorance_are_logarithms_of_the_choices() -> None:
         assert [float(loss) for loss in losses] == pytest.approx(expected, rel=1e-5)
 
 
+class _Turner(_Flat):
+    """It knows the right rotation, and no more."""
+
+    def score_places(self, images: Tensor, goal: Goal, pick: Tensor, angles: Tensor) -> Tensor:
+        right = torch.isclose(angles, torch.tensor(math.pi / 2)).float()
+        return super().score_places(images, goal, pick, angles) + 5 * right[..., None, None]
+
+
+@pytest.mark.parametrize(("rotations", "k"), [(0, 8), (3, 3)])
+def test_knowing_the_rotation_is_worth_it(rotations: int, k: int) -> None:
+    config = TrainConfig(transport_rotations=rotations)
+    losses = compute_losses(_Turner(), _batch(4), config)  # type: ignore[arg-type]
+    assert float(losses.transport) == pytest.approx(math.log(200 * (math.exp(5) + k - 1)) - 5, rel=1e-5)
+
+
 def test_the_right_rotation_competes_with_others_drawn_by_sample() -> None:
     network, config = _Flat(), TrainConfig(transport_rotations=3)
     compute_losses(network, _batch(4), config)  # type: ignore[arg-type]

@@ -10,7 +10,7 @@ from cliport_policy.config import NetworkConfig
 from cliport_policy.errors import ConfigError
 from cliport_policy.networks.compact import CompactNetwork
 from cliport_policy.networks.correlation import correlate_centered
-from cliport_policy.networks.rotation import bin_angles, rotated_windows
+from cliport_policy.networks.rotation import are_half_turned, bin_angles, rotated_windows
 
 SMALL = NetworkConfig(widths=(8, 12), goal_dim=16, crop_pixels=16, query_cells=9)
 
@@ -32,12 +32,34 @@ def test_window_outside_the_map_is_zero() -> None:
     assert windows[0, 0, 0, 0, 0] == 0 and windows[0, 0, 0, 8, 8] == 1
 
 
-def test_correlation_agrees_with_a_direct_sum() -> None:
+@pytest.mark.parametrize("half_turns", [False, True])
+def test_correlation_and_its_gradients_agree_with_a_direct_sum(half_turns: bool) -> None:
     generator = torch.Generator().manual_seed(0)
-    key = torch.randn(2, 3, 14, 11, generator=generator)
-    window = torch.randn(2, 4, 3, 5, 5, generator=generator)
-    direct = torch.stack([torch.nn.functional.conv2d(key[i : i + 1], window[i], padding=2)[0] for i in range(2)])
-    assert torch.allclose(correlate_centered(key, window), direct, atol=1e-4)
+    key = torch.randn(2, 3, 14, 11, generator=generator, dtype=torch.float64, requires_grad=True)
+    window = torch.randn(2, 8, 3, 5, 5, generator=generator, dtype=torch.float64, requires_grad=True)
+    windows = torch.cat((window, window.flip(-1, -2)), dim=1) if half_turns else window
+    direct = torch.stack([torch.nn.functional.conv2d(key[i : i + 1], windows[i], padding=2)[0] for i in range(2)])
+    scores = correlate_centered(key, window, half_turns)
+    assert torch.allclose(scores, direct)
+    weights = torch.randn(scores.shape, generator=generator, dtype=torch.float64)
+    found = torch.autograd.grad((scores * weights).sum(), (key, window))
+    for a, b in zip(found, torch.autograd.grad((direct * weights).sum(), (key, window)), strict=True):
+        assert torch.allclose(a, b)
+
+
+def test_opposite_rotations_are_known() -> None:
+    assert are_half_turned(bin_angles(36).expand(3, -1)) and are_half_turned(-bin_angles(4))
+    assert not are_half_turned(bin_angles(5)) and not are_half_turned(bin_angles(36)[[0, 18, 3, 20]])
+
+
+def test_all_rotations_at_once_are_each_alone() -> None:
+    """Half of the windows serve two rotations each."""
+    transport = CompactNetwork(SMALL).eval().transport
+    x, goal, pick = torch.randn(2, 5, 32, 16), torch.randn(2, 32), torch.tensor([[10.0, 8.0], [3.0, 2.0]])
+    angles = bin_angles(6).expand(2, -1)
+    with torch.no_grad():
+        alone = torch.cat([transport(x, goal, pick, angles[:, i : i + 1]) for i in range(6)], dim=1)
+        assert torch.allclose(transport(x, goal, pick, angles), alone, atol=1e-4)
 
 
 def test_shapes_of_every_network() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 from collections import deque
 from collections.abc import Generator
@@ -44,7 +45,11 @@ class Loader:
         self._rank, self._world_size = rank, world_size
 
     def steps(self, first: int, threads: int = THREADS) -> Generator[StepBatches]:
-        """Steps from `first` on, one a thread made ahead. Raises DataError where an observation can't be read."""
+        """Steps from `first` on, one a thread made ahead; without threads each is made when it is asked for, which is
+        quicker where the training itself has all cores. Raises DataError where an observation can't be read."""
+        if not threads:
+            yield from map(self.step, itertools.count(first))
+            return
         with ThreadPoolExecutor(threads, "loader") as pool:
             ahead: deque[Future[StepBatches]] = deque(pool.submit(self.step, first + i) for i in range(threads))
             number = first + threads

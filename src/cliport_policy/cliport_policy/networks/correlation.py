@@ -2,32 +2,16 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
+from typing import Any
+
 import torch
 from torch import Tensor
+from torch.autograd.function import once_differentiable
 from torch.nn import functional as F
 
 _AT_ONCE = 6  # windows of one entry whose spectra share a processor's cache: half the time and memory of all 36
-
-
-def correlate(key: Tensor, window: Tensor, size: tuple[int, int]) -> Tensor:
-    """key: (B, C, H, W); window: (B, R, C, q, q) -> (B, R, *size): index (i, j) has each window's first corner on
-    cell (i, j) of the key. It wraps around at `size`, up to which both are padded with zeros."""
-    spectra = torch.fft.rfft2(key, s=size).conj().resolve_conj().unsqueeze(1)  # (B, 1, C, ...)
-    if key.is_cuda:
-        return _scores(window, spectra, size)
-    return torch.stack(
-        [
-            torch.cat([_scores(part, spectrum, size) for part in windows.split(_AT_ONCE)])
-            for windows, spectrum in zip(window, spectra, strict=True)
-        ]
-    )
-
-
-def _scores(windows: Tensor, spectrum: Tensor, size: tuple[int, int]) -> Tensor:
-    """(..., R, C, q, q) and (..., 1, C, *size halved) -> (..., R, *size)."""
-    # Along rows first, of which there are q: those that padding would add are zero.
-    turned = torch.fft.fft(torch.fft.rfft(windows, n=size[1]), n=size[0], dim=-2)
-    return torch.fft.irfft2((turned * spectrum).sum(-3).conj(), s=size)
 
 
 def correlate_inside(key: Tensor, window: Tensor) -> Tensor:
@@ -37,17 +21,121 @@ def correlate_inside(key: Tensor, window: Tensor) -> Tensor:
     """
     height, width = key.shape[-2:]
     side = window.shape[-1]
-    return correlate(key, window, (height, width))[..., : height - side + 1, : width - side + 1]
+    return _Correlation.apply(key, window, (height, width), (height - side + 1, width - side + 1), False)
 
 
-def correlate_centered(key: Tensor, window: Tensor) -> Tensor:
+def correlate_centered(key: Tensor, window: Tensor, half_turns: bool = False) -> Tensor:
     """key: (B, C, H, W); window: (B, R, C, q, q) with q odd -> (B, R, H, W): the score of putting the window's
-    centre on each cell; the map is zero outside."""
+    centre on each cell; the map is zero outside.
+
+    half_turns: -> (B, 2 R, H, W), the scores of the windows, then of the windows turned by half a turn, which have
+    the same spectra, conjugated.
+    """
     height, width = key.shape[-2:]
     half = window.shape[-1] // 2
     padded = F.pad(key, (half, 0, half, 0))  # where a window on the far edge wraps around to
     size = (_fast_length(height + half), _fast_length(width + half))
-    return correlate(padded, window, size)[..., :height, :width]
+    return _Correlation.apply(padded, window, size, (height, width), half_turns)
+
+
+class _Correlation(torch.autograd.Function):
+    """key: (B, C, H, W); window: (B, R, C, q, q) -> (B, R, *shape): index (i, j) has each window's first corner on cell
+    (i, j) of the key. It wraps around at `size`, up to which both are padded with zeros. half_turns: (B, 2 R, *shape).
+
+    Spectra are made again for the gradient: that is quicker than to fetch them from memory.
+    """
+
+    @staticmethod
+    def forward(
+        ctx: Any, key: Tensor, window: Tensor, size: tuple[int, int], shape: tuple[int, int], half_turns: bool
+    ) -> Tensor:
+        ctx.save_for_backward(key, window)
+        ctx.size, ctx.half_turns = size, half_turns
+        count = window.shape[1]
+        scores = key.new_empty((len(key), count * (1 + half_turns), *shape))
+        spectra = torch.fft.rfft2(key, s=size)  # (B, C, ...)
+        ahead = _conjugate(spectra)
+        behind = spectra * _shift(window.shape[-1] - 1, size, spectra) if half_turns else None
+        for entry, turns in _parts(window):
+            windows = _window_spectra(window[entry, turns], size)
+            total = _sum_of_channels(windows, ahead[entry]).conj()
+            scores[entry, turns] = torch.fft.irfft2(total, s=size)[..., : shape[0], : shape[1]]
+            if behind is not None:
+                total = _sum_of_channels(windows, behind[entry])
+                opposite = slice(count + turns.start, count + turns.stop)
+                scores[entry, opposite] = torch.fft.irfft2(total, s=size)[..., : shape[0], : shape[1]]
+        return scores
+
+    @staticmethod
+    @once_differentiable
+    def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor, Tensor, None, None, None]:
+        (gradient,) = gradients
+        key, window = ctx.saved_tensors
+        size, count, side = ctx.size, window.shape[1], window.shape[-1]
+        spectra = torch.fft.rfft2(key, s=size)
+        shift = _shift(side - 1, size, spectra)
+        behind = _conjugate(spectra * shift) if ctx.half_turns else None
+        of_window = torch.empty_like(window)
+        ahead_of_key, behind_of_key = torch.zeros_like(spectra), torch.zeros_like(spectra)
+        for entry, turns in _parts(window):
+            windows = _window_spectra(window[entry, turns], size)
+            ahead = torch.fft.rfft2(gradient[entry, turns], s=size).unsqueeze(2)  # (B, R, 1, ...)
+            _add_turns(ahead_of_key[entry], windows, ahead)
+            of_windows = _conjugate(ahead) * spectra[entry].unsqueeze(1)
+            if behind is not None:
+                opposite = slice(count + turns.start, count + turns.stop)
+                turned = torch.fft.rfft2(gradient[entry, opposite], s=size).unsqueeze(2)
+                _add_turns(behind_of_key[entry], windows, _conjugate(turned))
+                of_windows.addcmul_(turned, behind[entry].unsqueeze(1))
+            rows = torch.fft.ifft(of_windows, dim=-2)[..., :side, :]
+            of_window[entry, turns] = torch.fft.irfft(rows, n=size[1])[..., :side]
+        if ctx.half_turns:
+            ahead_of_key += _conjugate(behind_of_key * shift)
+        of_key = torch.fft.irfft2(ahead_of_key, s=size)[..., : key.shape[-2], : key.shape[-1]]
+        return of_key, of_window, None, None, None
+
+
+def _parts(window: Tensor) -> Iterator[tuple[slice, slice]]:
+    """What of (B, R, ...) is handled together: all of it, but on a CPU what fits its cache."""
+    batch, count = window.shape[:2]
+    if window.is_cuda:
+        yield slice(0, batch), slice(0, count)
+        return
+    for entry in range(batch):
+        for first in range(0, count, _AT_ONCE):
+            yield slice(entry, entry + 1), slice(first, min(first + _AT_ONCE, count))
+
+
+def _window_spectra(windows: Tensor, size: tuple[int, int]) -> Tensor:
+    """(..., q, q) -> (..., *size halved)."""
+    # Along rows first, of which there are q: those that padding would add are zero.
+    return torch.fft.fft(torch.fft.rfft(windows, n=size[1]), n=size[0], dim=-2)
+
+
+def _sum_of_channels(windows: Tensor, spectra: Tensor) -> Tensor:
+    """(B, R, C, ...) times (B, C, ...) -> (B, R, ...)."""
+    total = windows[:, :, 0] * spectra[:, None, 0]
+    for channel in range(1, windows.shape[2]):
+        total.addcmul_(windows[:, :, channel], spectra[:, None, channel])
+    return total
+
+
+def _add_turns(total: Tensor, windows: Tensor, scores: Tensor) -> None:
+    """Add (B, R, C, ...) times (B, R, 1, ...) to (B, C, ...)."""
+    for turn in range(windows.shape[1]):
+        total.addcmul_(windows[:, turn], scores[:, turn])
+
+
+def _conjugate(spectra: Tensor) -> Tensor:
+    return spectra.conj().resolve_conj()
+
+
+def _shift(cells: int, size: tuple[int, int], like: Tensor) -> Tensor:
+    """The factors of a spectrum by which a map moves up and left by so many cells: (*size halved)."""
+    rows = torch.fft.fftfreq(size[0], device=like.device, dtype=like.real.dtype)
+    cols = torch.fft.rfftfreq(size[1], device=like.device, dtype=like.real.dtype)
+    phase = 2 * math.pi * cells * (rows[:, None] + cols)
+    return torch.polar(torch.ones_like(phase), phase)
 
 
 def _fast_length(n: int) -> int:

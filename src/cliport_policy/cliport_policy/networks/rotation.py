@@ -14,6 +14,12 @@ def bin_angles(n_rotations: int, device: torch.device | None = None) -> Tensor:
     return torch.arange(n_rotations, device=device) * (2 * math.pi / n_rotations)
 
 
+def are_half_turned(angles: Tensor) -> bool:
+    """Whether the second half of the angles, (..., R) rad, is the first and half a turn: even bins are."""
+    half, odd = divmod(angles.shape[-1], 2)
+    return not odd and bool(((angles[..., half:] - angles[..., :half]).abs() - math.pi).abs().max() < 1e-4)
+
+
 def window_offsets(side: int, angles: Tensor) -> Tensor:
     """Where a side x side window's cells lie when the window is turned by each angle.
 

@@ -7,7 +7,7 @@ from torch import Tensor, nn
 from torch.nn import functional as F
 
 from cliport_policy.networks.correlation import correlate_centered
-from cliport_policy.networks.rotation import rotated_windows, window_offsets
+from cliport_policy.networks.rotation import are_half_turned, rotated_windows, window_offsets
 from cliport_policy.networks.unet import FilmUNet
 
 
@@ -37,10 +37,13 @@ class Transport(nn.Module):
         features = self.unet(x, goal)
         key = F.normalize(self.key(features).float(), dim=1)  # (B, C, h, w)
         query = F.normalize(self.query(features).float(), dim=1)
+        half_turns = are_half_turned(angles)
+        if half_turns:
+            angles = angles[:, : angles.shape[1] // 2]
         # Turning what is held by +angle means reading it at -angle.
         window = rotated_windows(query, (pick - 0.5) / 2, -angles, self.query_cells)  # (B, R, C, q, q)
         window = window * (self._window_weight(x.device) * self.log_scale.exp())
-        return correlate_centered(key, window) + self.bias(features).float()
+        return correlate_centered(key, window, half_turns).add_(self.bias(features).float())
 
     def _window_weight(self, device: torch.device) -> Tensor:
         """A learned Gaussian over the query window that sums to 1: (q, q)."""

@@ -72,7 +72,7 @@ def _rotator_losses(
     act = ~batch.done
     make = yaw_target if config.targets == "soft" else yaw_label
     bins = make(batch.pick_yaw[act], batch.pick_yaw_period[act], network.config.n_rotations)  # (A, k)
-    chosen = _subset(bins.argmax(1), draws.yaws, config.rotator_rotations)  # (A, R) bin indices
+    chosen, _ = _competing(bins.argmax(1), draws.yaws, config.rotator_rotations)  # (A, R) bin indices
     angles = bin_angles(bins.shape[1], bins.device)[chosen]
     # The predicted pixel is never exact: the crop is not centred exactly either.
     pick = batch.pick[act] + (draws.pick * 1.5 if config.jitter else 0.0)
@@ -96,10 +96,11 @@ def _transport_losses(
     act = ~batch.done
     angles = bin_angles(network.config.n_rotations, images.device)
     right = torch.round(batch.rotation[act] / (2 * math.pi / len(angles))).long() % len(angles)  # (A,)
-    chosen = _subset(right, draws.places, config.transport_rotations)  # (A, R); the right one is the first
+    chosen, slot = _competing(right, draws.places, config.transport_rotations)  # (A, R), (A,)
     logits = network.score_places(images, goal, batch.pick[act], angles[chosen]).float()  # (A, R, h, w)
     target = _cells(batch.place[act], size, network.cell_size, config)  # (A, h, w), for the right rotation
-    return logits.flatten(1).logsumexp(1) - (target * logits[:, 0]).sum((1, 2))
+    at_right = logits[torch.arange(len(slot), device=slot.device), slot]
+    return logits.flatten(1).logsumexp(1) - (target * at_right).sum((1, 2))
 
 
 def _cells(pixels: Tensor, size: tuple[int, int], cell: int, config: TrainConfig) -> Tensor:
@@ -152,7 +153,11 @@ def soft_cross_entropy(logits: Tensor, target: Tensor) -> Tensor:
     return logits.logsumexp(1) * target.sum(1) - (target * logits).sum(1)
 
 
-def _subset(right: Tensor, noise: Tensor, size: int) -> Tensor:
-    """(A,) bins and (A, k) noise in 0..1 -> (A, size or all k) bins: the right one first, others in random order."""
+def _competing(right: Tensor, noise: Tensor, size: int) -> tuple[Tensor, Tensor]:
+    """(A,) bins and (A, k) noise in 0..1 -> (A, size) bins, the right one first and others in random order, or all k
+    in their own order; and where among them the right one is: (A,)."""
+    k = noise.shape[1]
+    if not 0 < size < k:
+        return torch.arange(k, device=right.device).expand(len(right), -1), right
     noise = noise.scatter(1, right[:, None], 2.0)
-    return noise.topk(min(size or noise.shape[1], noise.shape[1]), dim=1).indices
+    return noise.topk(size, dim=1).indices, torch.zeros_like(right)
