@@ -19,6 +19,7 @@ from cliport_interfaces.msg import Heightmap as HeightmapMsg
 from cliport_interfaces.msg import PolicyStatus
 from cliport_perception.conversions import heightmap_from_msg, stamp_from_msg
 from cliport_perception.errors import PerceptionError
+from cliport_perception.policy_state import PolicyState
 from cliport_perception.ros_running import run_node
 from cliport_policy import conversions
 from cliport_policy.errors import PolicyError
@@ -26,7 +27,7 @@ from cliport_policy.policy import load_policy
 from cliport_policy.server.executor_link import ExecutorLink
 from cliport_policy.server.inference_worker import InferenceAnswer, InferenceWorker
 from cliport_policy.server.logic import PolicyServer
-from cliport_policy.server.types import Answer, Moment, Proposal, ServerConfig, ServerState, ServerStatus
+from cliport_policy.server.types import Answer, Moment, Proposal, ServerConfig, ServerStatus
 from cliport_policy.views import ProposalViews
 
 TICK_S = 0.05
@@ -102,7 +103,7 @@ class PolicyServerNode(Node):
         stamp_ns = self.get_clock().now().nanoseconds
         self._status.publish(conversions.status_to_msg(status, self._config.max_steps, stamp_ns))
         line = f"{status.state.name}: {status.message}"
-        if status.state == ServerState.FAILED:
+        if status.state == PolicyState.FAILED:
             self.get_logger().error(line)
         else:
             self.get_logger().info(line)

@@ -11,10 +11,11 @@ pytest.importorskip("cliport_interfaces.msg")
 from cliport_interfaces.action import PickPlace
 from cliport_interfaces.msg import PolicyStatus
 from cliport_perception.conversions import stamp_from_msg
+from cliport_perception.policy_state import PolicyState
 from cliport_perception.pose import PlanarPose
 from cliport_policy import conversions as c
 from cliport_policy.action import PickPlaceAction
-from cliport_policy.server.types import Proposal, ServerState, ServerStatus
+from cliport_policy.server.types import Proposal, ServerStatus
 
 
 @pytest.mark.parametrize("yaw", [-3.1, -0.5, 0.0, 1.57, 3.1])
@@ -43,10 +44,10 @@ def test_goal() -> None:
 
 
 def test_status_and_its_constants() -> None:
-    message = c.status_to_msg(ServerStatus(ServerState.FAILED, "why", "what", 3, 0.5), 8, 5)
+    message = c.status_to_msg(ServerStatus(PolicyState.FAILED, "why", "what", 3, 0.5), 8, 5)
     assert (message.state, message.message, message.instruction) == (6, "why", "what")
     assert (message.step, message.max_steps, message.confidence) == (3, 8, 0.5)
-    for state in ServerState:
+    for state in PolicyState:
         assert getattr(PolicyStatus, f"STATE_{state.name}") == state
 
 

@@ -6,12 +6,13 @@ from typing import Any
 
 import pytest
 
+from cliport_perception.policy_state import PolicyState
 from cliport_perception.pose import PlanarPose
 from cliport_perception.primitive import Outcome
 from cliport_policy.action import PickPlaceAction
 from cliport_policy.errors import ConfigError, InstructionError
 from cliport_policy.server.logic import PolicyServer
-from cliport_policy.server.types import Answer, Moment, Proposal, ServerConfig, ServerState, ServerStatus
+from cliport_policy.server.types import Answer, Moment, Proposal, ServerConfig, ServerStatus
 
 S = 1_000_000_000
 GOAL = "put the red blocks in the green bowl"
@@ -71,7 +72,7 @@ class World:
     # events
 
     @property
-    def state(self) -> ServerState:
+    def state(self) -> PolicyState:
         return self.server.status.state
 
     @property
@@ -114,11 +115,11 @@ class World:
         self.see()
         self.think()
         self.accept()
-        assert self.state == ServerState.EXECUTING
+        assert self.state == PolicyState.EXECUTING
 
 
-@pytest.mark.parametrize(("look_back", "state"), [(0.0, ServerState.OBSERVING), (1.0, ServerState.PROPOSING)])
-def test_a_replay_may_look_at_what_was_seen_before_the_instruction(look_back: float, state: ServerState) -> None:
+@pytest.mark.parametrize(("look_back", "state"), [(0.0, PolicyState.OBSERVING), (1.0, PolicyState.PROPOSING)])
+def test_a_replay_may_look_at_what_was_seen_before_the_instruction(look_back: float, state: PolicyState) -> None:
     world = World(look_back=look_back)
     world.see()
     world.wait(0.4)
@@ -131,19 +132,19 @@ def test_a_replay_may_look_at_what_was_seen_before_the_instruction(look_back: fl
 def test_a_goal_is_reached_step_by_step() -> None:
     world = World()
     world.server.announce()
-    assert world.statuses[0].state == ServerState.IDLE
+    assert world.statuses[0].state == PolicyState.IDLE
     world.say()
     for _ in range(3):
         world.act()
     world.see()
     world.think(done=0.9)
-    assert (world.state, world.message) == (ServerState.DONE, "the goal looks reached after 3 steps")
+    assert (world.state, world.message) == (PolicyState.DONE, "the goal looks reached after 3 steps")
     assert len(world.goals) == len(world.proposals) == 3
     assert {goal[2] for goal in world.goals} == {GOAL}
     states = [status.state for status in world.statuses]
-    cycle = [ServerState.OBSERVING, ServerState.PROPOSING, ServerState.EXECUTING]
-    assert states == [ServerState.IDLE, *cycle * 3, *cycle[:2], ServerState.DONE]
-    assert [s.step for s in world.statuses if s.state == ServerState.EXECUTING] == [1, 2, 3]
+    cycle = [PolicyState.OBSERVING, PolicyState.PROPOSING, PolicyState.EXECUTING]
+    assert states == [PolicyState.IDLE, *cycle * 3, *cycle[:2], PolicyState.DONE]
+    assert [s.step for s in world.statuses if s.state == PolicyState.EXECUTING] == [1, 2, 3]
 
 
 def test_a_goal_already_reached_moves_nothing() -> None:
@@ -151,7 +152,7 @@ def test_a_goal_already_reached_moves_nothing() -> None:
     world.say()
     world.see()
     world.think(done=0.8)
-    assert (world.state, world.message) == (ServerState.DONE, "the goal looks reached already")
+    assert (world.state, world.message) == (PolicyState.DONE, "the goal looks reached already")
     assert not world.goals
 
 
@@ -175,16 +176,16 @@ def test_old_heightmaps_do_not_count() -> None:
     world = World(max_observation_age=1.0, observation_timeout=10.0)
     world.say()
     world.see(age_s=1.5, wait_s=3.0)
-    assert world.state == ServerState.OBSERVING
+    assert world.state == PolicyState.OBSERVING
 
 
 def test_a_silent_camera_ends_it() -> None:
     world = World()
     world.say()
     world.wait(2.9)
-    assert world.state == ServerState.OBSERVING
+    assert world.state == PolicyState.OBSERVING
     world.wait(0.2)
-    assert world.state == ServerState.FAILED
+    assert world.state == PolicyState.FAILED
     assert world.message == ("no fresh heightmap for 3.0 s: is the camera running? (topic /cliport/heightmap)")
     world.see()
     assert not world.inferences
@@ -197,7 +198,7 @@ def test_the_step_limit_ends_it() -> None:
     world.act()
     world.see()
     world.think()
-    assert (world.state, world.message) == (ServerState.FAILED, "step limit of 2 reached")
+    assert (world.state, world.message) == (PolicyState.FAILED, "step limit of 2 reached")
     assert len(world.goals) == 2
 
 
@@ -206,14 +207,14 @@ def test_a_lost_object_is_tried_again_and_not_for_ever(outcome: Outcome) -> None
     world = World(retries=2)
     world.say()
     world.act(outcome)
-    assert world.state == ServerState.OBSERVING
+    assert world.state == PolicyState.OBSERVING
     assert "trying again (1 of 2)" in world.message
     world.act()  # success: the count starts afresh
     world.act(outcome)
     world.act(outcome)
     assert "trying again (2 of 2)" in world.message
     world.act(outcome, "closed at 0 mm")
-    assert (world.state, world.message) == (ServerState.FAILED, f"executor: {outcome.name}: closed at 0 mm")
+    assert (world.state, world.message) == (PolicyState.FAILED, f"executor: {outcome.name}: closed at 0 mm")
 
 
 @pytest.mark.parametrize(
@@ -225,7 +226,7 @@ def test_other_outcomes_fail_with_the_executors_words(outcome: Outcome) -> None:
     world = World()
     world.say()
     world.act(outcome, "the place is\nout of reach")
-    assert world.state == ServerState.FAILED
+    assert world.state == PolicyState.FAILED
     assert world.message == f"executor: {outcome.name}: the place is out of reach"
 
 
@@ -244,19 +245,19 @@ def test_an_empty_instruction_stops_the_current_goal(text: str) -> None:
     world = World()
     world.start_moving()
     world.say(text)
-    assert (world.state, world.message) == (ServerState.IDLE, "stopped by an empty instruction")
+    assert (world.state, world.message) == (PolicyState.IDLE, "stopped by an empty instruction")
     assert world.cancelled == [world.goals[-1][0]]
     world.end(Outcome.CANCELLED)
-    assert world.state == ServerState.IDLE
+    assert world.state == PolicyState.IDLE
     world.say()  # not latching
     world.see()
-    assert world.state == ServerState.PROPOSING
+    assert world.state == PolicyState.PROPOSING
 
 
 def test_an_empty_instruction_when_idle_does_nothing() -> None:
     world = World()
     world.say("")
-    assert world.state == ServerState.IDLE
+    assert world.state == PolicyState.IDLE
     assert not world.cancelled
 
 
@@ -268,7 +269,7 @@ def test_an_empty_instruction_when_idle_does_nothing() -> None:
 def test_what_cannot_be_acted_on_fails_in_one_short_line(text: str, words: str) -> None:
     world = World()
     world.say(text)
-    assert world.state == ServerState.FAILED
+    assert world.state == PolicyState.FAILED
     assert words in world.message
     for line in (world.message, world.server.status.instruction):
         assert line.isprintable()
@@ -284,7 +285,7 @@ def test_a_new_instruction_replaces_the_old_after_its_motion_has_ended() -> None
     world.say("put the blue block in the yellow bowl")
     assert world.cancelled == [world.goals[-1][0]]
     world.see()
-    assert world.state == ServerState.OBSERVING
+    assert world.state == PolicyState.OBSERVING
     assert len(world.inferences) == 1
     world.end(Outcome.CANCELLED)
     world.see()
@@ -293,7 +294,7 @@ def test_a_new_instruction_replaces_the_old_after_its_motion_has_ended() -> None
     world.accept()
     world.end()
     assert world.server.status.step == 1
-    assert world.state == ServerState.OBSERVING
+    assert world.state == PolicyState.OBSERVING
 
 
 def test_the_old_proposal_is_not_executed_for_the_new_instruction() -> None:
@@ -305,7 +306,7 @@ def test_the_old_proposal_is_not_executed_for_the_new_instruction() -> None:
     world.server.on_proposal(world.inferences[0][0], action(), world.now)
     assert not world.goals
     world.server.on_inference_failed(world.inferences[0][0], "late")
-    assert world.state == ServerState.OBSERVING
+    assert world.state == PolicyState.OBSERVING
 
 
 def test_a_cancel_before_the_executor_answered_is_repeated() -> None:
@@ -323,7 +324,7 @@ def test_a_cancel_that_nobody_confirms_is_an_executor_lost() -> None:
     world.start_moving()
     world.say()
     world.wait(5.1)
-    assert world.state == ServerState.FAILED
+    assert world.state == PolicyState.FAILED
     assert world.message.startswith("executor lost: no answer to a cancel")
     world.say()
     world.see()
@@ -336,16 +337,16 @@ def test_stop_latches_and_resume_ends_it() -> None:
     world.start_moving()
     assert world.server.stop(world.now).success
     assert (world.stops, world.cancelled) == (1, [world.goals[-1][0]])
-    assert world.state == ServerState.IDLE
+    assert world.state == PolicyState.IDLE
     assert "stopped" in world.message
     world.end(Outcome.CANCELLED)
     world.say()
     assert (world.state, world.message) == (
-        ServerState.FAILED,
+        PolicyState.FAILED,
         "the server is stopped: call /cliport/resume first",
     )
     assert world.server.resume().success
-    assert (world.resumes, world.state, world.message) == (1, ServerState.IDLE, "ready")
+    assert (world.resumes, world.state, world.message) == (1, PolicyState.IDLE, "ready")
     world.say()
     world.see()
     world.think()
@@ -359,7 +360,7 @@ def test_stop_while_thinking_moves_nothing() -> None:
     world.server.stop(world.now)
     world.think()
     assert not world.goals
-    assert world.state == ServerState.IDLE
+    assert world.state == PolicyState.IDLE
 
 
 def test_approval_comes_before_every_motion() -> None:
@@ -368,7 +369,7 @@ def test_approval_comes_before_every_motion() -> None:
     world.say()
     world.see()
     world.think()
-    assert world.state == ServerState.WAITING_FOR_APPROVAL
+    assert world.state == PolicyState.WAITING_FOR_APPROVAL
     assert world.proposals
     assert [status.confidence for status in world.statuses] == [0.0, 0.0, 0.9]  # known when it waits
     world.wait(20.0)
@@ -385,7 +386,7 @@ def test_an_old_proposal_is_made_again_instead_of_executed() -> None:
     world.think()
     world.wait(31.0)
     assert not world.server.approve(world.now).success
-    assert world.state == ServerState.OBSERVING
+    assert world.state == PolicyState.OBSERVING
     assert not world.goals
     world.see()
     world.think()
@@ -397,7 +398,7 @@ def test_an_unsure_policy_moves_nothing() -> None:
     world.say()
     world.see()
     world.think(confidence=0.03)
-    assert world.state == ServerState.FAILED
+    assert world.state == PolicyState.FAILED
     assert "not sure enough" in world.message
     assert not world.goals
 
@@ -408,14 +409,14 @@ def test_a_policy_that_fails_or_hangs_is_reported() -> None:
     world.see()
     world.server.on_inference_failed(world.inferences[-1][0], "the observation's workspace is another")
     assert (world.state, world.message) == (
-        ServerState.FAILED,
+        PolicyState.FAILED,
         "the observation's workspace is another",
     )
     world.say()
     world.see()
     world.wait(30.1)
     assert (world.state, world.message) == (
-        ServerState.FAILED,
+        PolicyState.FAILED,
         "the policy gave no answer within 30 s",
     )
     world.think()
@@ -443,7 +444,7 @@ def test_an_executor_that_is_missing_or_mute_is_reported(ready: bool, words: str
     world.see()
     world.think()
     world.wait(5.1)
-    assert world.state == ServerState.FAILED
+    assert world.state == PolicyState.FAILED
     assert world.message.startswith(f"the executor is {words}")
 
 
@@ -454,7 +455,7 @@ def test_a_refused_goal_is_reported() -> None:
     world.think()
     world.server.on_goal_response(world.goals[-1][0], False, world.now)
     assert (world.state, world.message) == (
-        ServerState.FAILED,
+        PolicyState.FAILED,
         "the executor refused the goal: is it busy or stopped?",
     )
 
@@ -464,15 +465,15 @@ def test_a_missing_heartbeat_is_an_executor_lost() -> None:
     world.start_moving()
     world.server.on_feedback(world.goals[-1][0], "CARRY", world.now)
     world.wait(10.0)
-    assert world.state == ServerState.EXECUTING
+    assert world.state == PolicyState.EXECUTING
     world.wait(0.6, heartbeat=False)
     assert (world.state, world.message) == (
-        ServerState.FAILED,
+        PolicyState.FAILED,
         "executor lost: no heartbeat for 0.5 s during CARRY",
     )
     assert world.cancelled == [world.goals[-1][0]]
     world.end()
-    assert world.state == ServerState.FAILED
+    assert world.state == PolicyState.FAILED
 
 
 def test_an_action_server_that_disappears_is_an_executor_lost() -> None:
@@ -480,7 +481,7 @@ def test_an_action_server_that_disappears_is_an_executor_lost() -> None:
     world.start_moving()
     world.ready = False
     world.wait(0.1)
-    assert world.state == ServerState.FAILED
+    assert world.state == PolicyState.FAILED
     assert world.message == "executor lost: its action server is gone during the start"
 
 
@@ -492,7 +493,7 @@ def test_an_executor_without_heartbeat_is_not_lost() -> None:
     world.think()
     world.accept()
     world.wait(10.0, heartbeat=False)
-    assert world.state == ServerState.EXECUTING
+    assert world.state == PolicyState.EXECUTING
 
 
 def test_our_own_pause_is_not_blamed_on_the_executor() -> None:
@@ -501,9 +502,9 @@ def test_our_own_pause_is_not_blamed_on_the_executor() -> None:
     world.wait(0.5)
     world.now = Moment(world.now.wall + 2.0, world.now.ros_ns + 2 * S)
     world.server.tick(world.now)
-    assert world.state == ServerState.EXECUTING
+    assert world.state == PolicyState.EXECUTING
     world.wait(0.6, heartbeat=False)
-    assert world.state == ServerState.FAILED
+    assert world.state == PolicyState.FAILED
 
 
 def test_a_motion_without_end_is_cancelled() -> None:
@@ -511,7 +512,7 @@ def test_a_motion_without_end_is_cancelled() -> None:
     world.start_moving()
     world.wait(60.1)
     assert (world.state, world.message) == (
-        ServerState.FAILED,
+        PolicyState.FAILED,
         "the executor was not done after 60 s: cancelled",
     )
     assert world.cancelled == [world.goals[-1][0]]
@@ -523,11 +524,11 @@ def test_simulated_time_may_stand_still_or_start_afresh() -> None:
     wall = world.now.wall
     for i in range(80):  # 4 s of wall time without ROS time
         world.server.tick(Moment(wall + i * 0.05, world.now.ros_ns))
-    assert world.state == ServerState.FAILED
+    assert world.state == PolicyState.FAILED
     world.now = Moment(wall + 5.0, 3 * S)  # the simulator was restarted
     world.say()
     world.see()
-    assert world.state == ServerState.PROPOSING
+    assert world.state == PolicyState.PROPOSING
 
 
 @pytest.mark.parametrize(

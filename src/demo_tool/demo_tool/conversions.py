@@ -21,10 +21,11 @@ from cliport_perception.conversions import (
     pose_to_msg,
     stamp_to_msg,
 )
+from cliport_perception.policy_state import PolicyState
 from cliport_perception.pose import PlanarPose
 from cliport_perception.primitive import Outcome
 from demo_tool.live_view import ColorImage, DepthImage
-from demo_tool.ports import ArmResult, PickPlaceGoal, PolicyState
+from demo_tool.ports import ArmResult, PickPlaceGoal
 
 _UNSEEN = 40  # grey of cells that were not seen
 

@@ -14,10 +14,11 @@ import numpy as np
 from cliport_episodes.observation import Observation
 from cliport_episodes.observation_messages import messages_from_observation
 from cliport_perception.camera_model import CameraModel
+from cliport_perception.policy_state import PolicyState
 from cliport_perception.pose import PlanarPose, Pose
 from cliport_perception.primitive import Outcome
 from demo_tool.live_view import ColorImage, DepthImage, LiveView
-from demo_tool.ports import ACCEPTED, ArmResult, OnEnd, OnPhase, PickPlaceGoal, PolicyState
+from demo_tool.ports import ACCEPTED, ArmResult, OnEnd, OnPhase, PickPlaceGoal
 
 _PHASES = (
     "VALIDATING",

@@ -4,23 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from enum import IntEnum
 from typing import Protocol
 
 from cliport_perception.pose import PlanarPose
 from cliport_perception.primitive import Outcome, Primitive
-
-
-class PolicyState(IntEnum):
-    """What the policy server does; values as in PolicyStatus."""
-
-    IDLE = 0
-    OBSERVING = 1
-    PROPOSING = 2
-    WAITING_FOR_APPROVAL = 3
-    EXECUTING = 4
-    DONE = 5
-    FAILED = 6
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
 
+from cliport_perception.policy_state import PolicyState
 from cliport_perception.pose import PlanarPose
-from demo_tool.ports import Policy, PolicyState
+from demo_tool.ports import Policy
 from demo_tool.station_config import StationConfig
 
 _CHECK_TIMEOUT = 3.0  # for the server to say how it is set [s]

@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from cliport_perception.policy_state import PolicyState
 from cliport_perception.pose import PlanarPose
 from demo_tool.arm_work import EXPECTED, Activity, ArmWork
 from demo_tool.box_target import to_pixels
@@ -20,7 +21,7 @@ from demo_tool.library import Library
 from demo_tool.live_view import ColorImage, LiveView
 from demo_tool.page_commands import Answer, Arguments, PageCommands
 from demo_tool.picture_feed import Picture, PictureFeed
-from demo_tool.ports import Arm, Policy, PolicyState
+from demo_tool.ports import Arm, Policy
 from demo_tool.recording import Recorder
 from demo_tool.station_config import StationConfig
 from demo_tool.wording import phase_words, policy_words

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from cliport_perception.policy_state import PolicyState
 from cliport_perception.primitive import Outcome
-from demo_tool.ports import PolicyState
 
 _PHASES = {
     "": "asking the arm",

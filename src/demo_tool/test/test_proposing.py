@@ -2,9 +2,9 @@
 
 import pytest
 
+from cliport_perception.policy_state import PolicyState
 from cliport_perception.pose import PlanarPose
 from demo_tool.fakes import BLOCKS
-from demo_tool.ports import PolicyState
 
 
 @pytest.fixture

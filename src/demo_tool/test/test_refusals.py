@@ -5,10 +5,10 @@ import shutil
 import numpy as np
 import pytest
 
+from cliport_perception.policy_state import PolicyState
 from cliport_perception.pose import Pose
 from demo_tool.errors import StationError
 from demo_tool.fakes import BLOCKS
-from demo_tool.ports import PolicyState
 from demo_tool.station_config import StationConfig
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from cliport_perception.policy_state import PolicyState
 from cliport_perception.primitive import Outcome
 from cliport_policy.action import PickPlaceAction
 from cliport_policy.errors import PolicyError
@@ -21,7 +22,6 @@ from cliport_policy.server.types import (
     Proposal,
     ServerConfig,
     ServerEffects,
-    ServerState,
     ServerStatus,
 )
 
@@ -45,7 +45,7 @@ class PolicyServer:
         self._check_instruction = check_instruction
         self._executor = executor
         self._goal = GoalTracker(config, executor)
-        self._status = ServerStatus(ServerState.IDLE, "ready", "", 0)
+        self._status = ServerStatus(PolicyState.IDLE, "ready", "", 0)
         self._stopped = False
         self._token = 0  # of the current inference
         self._deadline: float | None = None  # of the current state, wall clock
@@ -75,7 +75,7 @@ class PolicyServer:
         self._status = self._status._replace(instruction=instruction, step=0)
         if not instruction:
             message = "stopped by an empty instruction" if was_busy else "nothing to do: the instruction is empty"
-            self._enter(ServerState.IDLE, message)
+            self._enter(PolicyState.IDLE, message)
             return
         if too_long:
             self._fail(f"the instruction has {len(text)} characters: at most {MAX_INSTRUCTION_LENGTH} are read")
@@ -95,7 +95,7 @@ class PolicyServer:
 
     def approve(self, now: Moment) -> Answer:
         """A person agrees to the proposal."""
-        if self._status.state != ServerState.WAITING_FOR_APPROVAL or self._proposal is None:
+        if self._status.state != PolicyState.WAITING_FOR_APPROVAL or self._proposal is None:
             return Answer(False, f"nothing waits for approval: the server is {self._status.state.name}")
         age = (now.ros_ns - self._proposal.stamp_ns) * 1e-9
         if age > self.config.max_proposal_age:
@@ -109,7 +109,7 @@ class PolicyServer:
         self._stopped = True
         self._executor.stop()
         self._abandon(now)
-        self._enter(ServerState.IDLE, "stopped: call /cliport/resume to go on")
+        self._enter(PolicyState.IDLE, "stopped: call /cliport/resume to go on")
         return Answer(True, "stopped: call /cliport/resume to go on")
 
     def resume(self) -> Answer:
@@ -117,7 +117,7 @@ class PolicyServer:
         self._executor.resume()
         if self._stopped:
             self._stopped = False
-            self._enter(ServerState.IDLE, "ready")
+            self._enter(PolicyState.IDLE, "ready")
         return Answer(True, "ready for an instruction")
 
     # what the camera and the policy say
@@ -129,12 +129,12 @@ class PolicyServer:
 
     def on_proposal(self, token: int, action: PickPlaceAction, now: Moment) -> None:
         """The policy answered."""
-        if token != self._token or self._status.state != ServerState.PROPOSING:
+        if token != self._token or self._status.state != PolicyState.PROPOSING:
             return
         config, step = self.config, self._status.step
         if action.done_probability >= config.done_threshold:
             done = f"the goal looks reached after {step} steps" if step else "the goal looks reached already"
-            self._enter(ServerState.DONE, done)
+            self._enter(PolicyState.DONE, done)
         elif step >= config.max_steps:
             self._fail(f"step limit of {config.max_steps} reached")
         elif action.confidence < config.min_confidence:
@@ -146,13 +146,13 @@ class PolicyServer:
             self._proposal = Proposal(action, self._observed_ns)
             self._effects.publish_proposal(self._proposal)
             if config.require_approval:
-                self._enter(ServerState.WAITING_FOR_APPROVAL, "waiting for a call of /cliport/approve")
+                self._enter(PolicyState.WAITING_FOR_APPROVAL, "waiting for a call of /cliport/approve")
             else:
                 self._execute(self._proposal, now)
 
     def on_inference_failed(self, token: int, message: str) -> None:
         """The policy could not answer."""
-        if token == self._token and self._status.state == ServerState.PROPOSING:
+        if token == self._token and self._status.state == PolicyState.PROPOSING:
             self._fail(message)
 
     # what the executor says
@@ -165,17 +165,17 @@ class PolicyServer:
         """The executor took the goal or not."""
         if self._goal.on_response(token, accepted, now):
             self._note_rest(now)
-            if self._status.state == ServerState.EXECUTING:
+            if self._status.state == PolicyState.EXECUTING:
                 self._fail("the executor refused the goal: is it busy or stopped?")
 
     def on_feedback(self, token: int, phase: str, now: Moment) -> None:
         """The executor is in a phase."""
         if self._goal.on_feedback(token, phase, now):
-            self._enter(ServerState.EXECUTING, f"step {self._status.step}: {phase}")
+            self._enter(PolicyState.EXECUTING, f"step {self._status.step}: {phase}")
 
     def on_result(self, token: int, outcome: Outcome, message: str, now: Moment) -> None:
         """The executor is through with a goal."""
-        wanted = self._goal.phase != GoalPhase.CANCELLING and self._status.state == ServerState.EXECUTING
+        wanted = self._goal.phase != GoalPhase.CANCELLING and self._status.state == PolicyState.EXECUTING
         if not self._goal.on_result(token):
             return
         self._note_rest(now)
@@ -204,18 +204,18 @@ class PolicyServer:
         self._use_observation(now)
         if self._deadline is None or now.wall < self._deadline or self._goal.phase != GoalPhase.NONE:
             return
-        if state == ServerState.OBSERVING:
+        if state == PolicyState.OBSERVING:
             self._fail(
                 f"no fresh heightmap for {config.observation_timeout:.1f} s: is the camera running? "
                 "(topic /cliport/heightmap)"
             )
-        elif state == ServerState.PROPOSING:
+        elif state == PolicyState.PROPOSING:
             self._fail(f"the policy gave no answer within {config.inference_timeout:.0f} s")
 
     # transitions
 
-    def _enter(self, state: ServerState, message: str, deadline: float | None = None) -> None:
-        shown = self._proposal if state in (ServerState.WAITING_FOR_APPROVAL, ServerState.EXECUTING) else None
+    def _enter(self, state: PolicyState, message: str, deadline: float | None = None) -> None:
+        shown = self._proposal if state in (PolicyState.WAITING_FOR_APPROVAL, PolicyState.EXECUTING) else None
         confidence = shown.action.confidence if shown else 0.0
         self._deadline = deadline
         self._status = self._status._replace(state=state, message=message, confidence=confidence)
@@ -223,7 +223,7 @@ class PolicyServer:
 
     def _fail(self, reason: str) -> None:
         self._token += 1
-        self._enter(ServerState.FAILED, reason)
+        self._enter(PolicyState.FAILED, reason)
 
     def _abandon(self, now: Moment) -> None:
         """Forget the current instruction; a running motion is cancelled."""
@@ -234,16 +234,16 @@ class PolicyServer:
     def _note_rest(self, now: Moment) -> None:
         """The arm rests from now on: only what is seen afterwards counts."""
         self._earliest_ns = now.ros_ns + int(self.config.settle * 1e9)
-        if self._status.state == ServerState.OBSERVING:
+        if self._status.state == PolicyState.OBSERVING:
             self._deadline = now.wall + self.config.observation_timeout
 
     def _observe(self, message: str, now: Moment) -> None:
-        self._enter(ServerState.OBSERVING, message, now.wall + self.config.observation_timeout)
+        self._enter(PolicyState.OBSERVING, message, now.wall + self.config.observation_timeout)
         self._use_observation(now)
 
     def _use_observation(self, now: Moment) -> None:
         """Start thinking, when an observation is wanted and a fresh one of the arm at rest is there."""
-        waiting = self._status.state == ServerState.OBSERVING and self._goal.phase == GoalPhase.NONE
+        waiting = self._status.state == PolicyState.OBSERVING and self._goal.phase == GoalPhase.NONE
         if not waiting or self._latest is None:
             return
         if self._earliest_ns > now.ros_ns + _CLOCK_RESET_NS:
@@ -254,13 +254,13 @@ class PolicyServer:
             return
         self._token += 1
         self._observed_ns = stamp_ns
-        self._enter(ServerState.PROPOSING, "choosing", now.wall + self.config.inference_timeout)
+        self._enter(PolicyState.PROPOSING, "choosing", now.wall + self.config.inference_timeout)
         self._effects.start_inference(self._token, observation, self._status.instruction)
 
     def _execute(self, proposal: Proposal, now: Moment) -> None:
         step = self._status.step + 1
         self._status = self._status._replace(step=step)
-        self._enter(ServerState.EXECUTING, f"step {step}: asking the executor")
+        self._enter(PolicyState.EXECUTING, f"step {step}: asking the executor")
         self._goal.begin(proposal, self._status.instruction, now)
 
 

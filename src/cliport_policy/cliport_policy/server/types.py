@@ -3,31 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
-from enum import IntEnum
 from typing import Any, NamedTuple, Protocol
 
+from cliport_perception.policy_state import PolicyState
 from cliport_perception.primitive import Outcome
 from cliport_policy.action import PickPlaceAction
 from cliport_policy.errors import ConfigError
 
-
-class ServerState(IntEnum):
-    """As in cliport_interfaces/PolicyStatus."""
-
-    IDLE = 0
-    OBSERVING = 1
-    PROPOSING = 2
-    WAITING_FOR_APPROVAL = 3
-    EXECUTING = 4
-    DONE = 5
-    FAILED = 6
-
-
 BUSY = (
-    ServerState.OBSERVING,
-    ServerState.PROPOSING,
-    ServerState.WAITING_FOR_APPROVAL,
-    ServerState.EXECUTING,
+    PolicyState.OBSERVING,
+    PolicyState.PROPOSING,
+    PolicyState.WAITING_FOR_APPROVAL,
+    PolicyState.EXECUTING,
 )
 TRY_AGAIN = (Outcome.GRASP_MISSED, Outcome.DROPPED)
 
@@ -91,7 +78,7 @@ class ServerStatus(NamedTuple):
     confidence: of the action that waits or is executed, the lesser of pick and place; 0 in other states.
     """
 
-    state: ServerState
+    state: PolicyState
     message: str
     instruction: str
     step: int
