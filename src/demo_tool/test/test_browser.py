@@ -2,19 +2,16 @@
 
 import re
 import shutil
-import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from web_workplace import Workplace, workplace
 
 from cliport_episodes.demonstration import Source
 from cliport_episodes.reader import read_episode
 from demo_tool.web import arm_holder
-
-sys.path.insert(0, str(Path(__file__).parent))
-from web_workplace import Workplace, workplace
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium on this machine")

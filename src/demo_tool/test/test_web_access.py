@@ -4,21 +4,18 @@ import http.client
 import json
 import select
 import socket
-import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from web_workplace import DATA_SET, Workplace, workplace
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
 from demo_tool.web.access import AccessError, AccessRule
 from demo_tool.web.server import MAX_CONNECTIONS, AddressError, bind
 from demo_tool.web.session import MAX_MESSAGE, MAX_PAGES
-
-sys.path.insert(0, str(Path(__file__).parent))
-from web_workplace import DATA_SET, Workplace, workplace
 
 TOKEN = "a-long-enough-token"
 

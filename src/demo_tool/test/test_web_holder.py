@@ -1,16 +1,13 @@
 """One page holds the arm, the others watch."""
 
 import json
-import sys
 from pathlib import Path
 
+from web_workplace import Workplace, workplace
 from websockets.sync.client import ClientConnection, connect
 
 from demo_tool.web.arm_holder import GONE_AFTER_S, IDLE_AFTER_S, ArmHolder, Standing
 from demo_tool.web.session import OPENED_AGAIN
-
-sys.path.insert(0, str(Path(__file__).parent))
-from web_workplace import Workplace, workplace
 
 BOX = [100, 100, 140, 140]
 

@@ -1,20 +1,16 @@
 """Pictures by long poll, as large as the link allows."""
 
 import http.client
-import sys
 import threading
 import time
 from collections.abc import Iterator
-from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+from web_workplace import DATA_SET, Workplace, workplace
 
 from demo_tool.web.jpeg import LEVELS, START_LEVEL, JpegCache, encode, next_level
-
-sys.path.insert(0, str(Path(__file__).parent))
-from web_workplace import DATA_SET, Workplace, workplace
 
 
 @pytest.fixture(scope="module")

@@ -1,17 +1,14 @@
 """What goes over the websocket."""
 
 import json
-import sys
 import threading
 import time
 from pathlib import Path
 
 import psutil
 import pytest
-from websockets.sync.client import ClientConnection, connect
-
-sys.path.insert(0, str(Path(__file__).parent))
 from web_workplace import Workplace, workplace
+from websockets.sync.client import ClientConnection, connect
 
 
 def opened(place: Workplace, name: str = "only-page") -> ClientConnection:

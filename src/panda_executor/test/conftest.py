@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import sys
 from importlib.util import find_spec
-from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
@@ -17,8 +15,6 @@ from panda_executor.model import PandaModel
 from panda_executor.obstacle_grid import ObstacleGrid
 from panda_executor.scene import Scene
 from panda_executor.transfer import TransferPlanner
-
-sys.path.insert(0, str(Path(__file__).parent))  # for synthetic_clouds: pytest's importlib mode adds no folder
 
 # the logic is tested without any build; these need the built messages
 collect_ignore = [] if find_spec("cliport_interfaces") else ["test_conversions.py", "test_node.py"]

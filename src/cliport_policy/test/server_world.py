@@ -1,0 +1,116 @@
+"""The policy server's state machine in a world of its own: a fake executor, policy and clock."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from cliport_perception.policy_state import PolicyState
+from cliport_perception.pose import PlanarPose
+from cliport_perception.primitive import Outcome
+from cliport_policy.action import PickPlaceAction
+from cliport_policy.errors import InstructionError
+from cliport_policy.server.logic import PolicyServer
+from cliport_policy.server.types import Moment, Proposal, ServerConfig, ServerStatus
+
+S = 1_000_000_000
+GOAL = "put the red blocks in the green bowl"
+
+
+def action(done: float = 0.0, confidence: float = 0.9) -> PickPlaceAction:
+    pose = PlanarPose(0.4, 0.1, 0.3)
+    return PickPlaceAction(pose, pose, (200, 60), (200, 60), confidence, confidence, done)
+
+
+class World:
+    """Fakes of all ports, and a server on two clocks that `wait` moves."""
+
+    def __init__(self, **settings: Any) -> None:
+        self.now = Moment(100.0, 5000 * S)
+        self.ready = True
+        self.statuses: list[ServerStatus] = []
+        self.proposals: list[Proposal] = []
+        self.inferences: list[tuple[int, Any, str]] = []
+        self.goals: list[tuple[int, Proposal, str]] = []
+        self.cancelled: list[int] = []
+        self.stops = self.resumes = 0
+        self.server = PolicyServer(ServerConfig(**settings), self, self.check_instruction, self)
+
+    # effects
+
+    def publish_status(self, status: ServerStatus) -> None:
+        self.statuses.append(status)
+
+    def publish_proposal(self, proposal: Proposal) -> None:
+        self.proposals.append(proposal)
+
+    def start_inference(self, token: int, observation: Any, instruction: str) -> None:
+        self.inferences.append((token, observation, instruction))
+
+    def check_instruction(self, instruction: str) -> None:
+        if "block" not in instruction:
+            raise InstructionError(f"the instruction '{instruction}' is not understood")
+
+    # executor
+
+    def is_ready(self) -> bool:
+        return self.ready
+
+    def send(self, token: int, proposal: Proposal, instruction: str) -> None:
+        self.goals.append((token, proposal, instruction))
+
+    def cancel(self, token: int) -> None:
+        self.cancelled.append(token)
+
+    def stop(self) -> None:
+        self.stops += 1
+
+    def resume(self) -> None:
+        self.resumes += 1
+
+    # events
+
+    @property
+    def state(self) -> PolicyState:
+        return self.server.status.state
+
+    @property
+    def message(self) -> str:
+        return self.server.status.message
+
+    def wait(self, seconds: float, heartbeat: bool = True) -> None:
+        for _ in range(max(1, round(seconds / 0.05))):
+            self.now = Moment(self.now.wall + 0.05, self.now.ros_ns + S // 20)
+            if heartbeat:
+                self.server.on_heartbeat(self.now)
+            self.server.tick(self.now)
+
+    def say(self, text: str = GOAL) -> None:
+        self.server.on_instruction(text, self.now)
+
+    def see(self, age_s: float = 0.0, wait_s: float = 0.3) -> None:
+        self.wait(wait_s)
+        self.server.on_observation(self.now.ros_ns - int(age_s * S), f"view {self.now.wall:.2f}", self.now)
+
+    def think(self, **answer: float) -> None:
+        self.server.on_proposal(self.inferences[-1][0], action(**answer), self.now)
+
+    def accept(self) -> None:
+        self.server.on_goal_response(self.goals[-1][0], True, self.now)
+
+    def end(self, outcome: Outcome = Outcome.SUCCEEDED, message: str = "") -> None:
+        self.server.on_result(self.goals[-1][0], outcome, message, self.now)
+
+    def act(self, outcome: Outcome = Outcome.SUCCEEDED, message: str = "") -> None:
+        """One whole step: see, think, move."""
+        self.see()
+        self.think()
+        self.accept()
+        self.wait(1.0)
+        self.end(outcome, message)
+
+    def start_moving(self) -> None:
+        self.say()
+        self.see()
+        self.think()
+        self.accept()
+        assert self.state == PolicyState.EXECUTING

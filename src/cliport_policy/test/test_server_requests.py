@@ -1,0 +1,163 @@
+"""What people say to the policy server: instructions, stop, approval."""
+
+from __future__ import annotations
+
+import pytest
+from server_world import World, action
+
+from cliport_perception.policy_state import PolicyState
+from cliport_perception.primitive import Outcome
+from cliport_policy.server.types import Answer
+
+
+@pytest.mark.parametrize("text", ["", "   ", "\n\t"])
+def test_an_empty_instruction_stops_the_current_goal(text: str) -> None:
+    world = World()
+    world.start_moving()
+    world.say(text)
+    assert (world.state, world.message) == (PolicyState.IDLE, "stopped by an empty instruction")
+    assert world.cancelled == [world.goals[-1][0]]
+    world.end(Outcome.CANCELLED)
+    assert world.state == PolicyState.IDLE
+    world.say()  # not latching
+    world.see()
+    assert world.state == PolicyState.PROPOSING
+
+
+def test_an_empty_instruction_when_idle_does_nothing() -> None:
+    world = World()
+    world.say("")
+    assert world.state == PolicyState.IDLE
+    assert not world.cancelled
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [("x" * 1_000_000, "1000000 characters"), ("block " * 200, "1200 characters"),
+     ("fnord", "not understood"), ("\x1b[31m\nboo\x00", "not understood")],
+)  # fmt: skip
+def test_what_cannot_be_acted_on_fails_in_one_short_line(text: str, words: str) -> None:
+    world = World()
+    world.say(text)
+    assert world.state == PolicyState.FAILED
+    assert words in world.message
+    for line in (world.message, world.server.status.instruction):
+        assert line.isprintable()
+        assert len(line) < 200
+    world.see()
+    assert not world.inferences
+    assert not world.goals
+
+
+def test_a_new_instruction_replaces_the_old_after_its_motion_has_ended() -> None:
+    world = World()
+    world.start_moving()
+    world.say("put the blue block in the yellow bowl")
+    assert world.cancelled == [world.goals[-1][0]]
+    world.see()
+    assert world.state == PolicyState.OBSERVING
+    assert len(world.inferences) == 1
+    world.end(Outcome.CANCELLED)
+    world.see()
+    assert world.inferences[-1][2] == "put the blue block in the yellow bowl"
+    world.think()
+    world.accept()
+    world.end()
+    assert world.server.status.step == 1
+    assert world.state == PolicyState.OBSERVING
+
+
+def test_the_old_proposal_is_not_executed_for_the_new_instruction() -> None:
+    world = World()
+    world.say()
+    world.see()
+    world.wait(0.1)
+    world.say("put the blue block in the yellow bowl")
+    world.server.on_proposal(world.inferences[0][0], action(), world.now)
+    assert not world.goals
+    world.server.on_inference_failed(world.inferences[0][0], "late")
+    assert world.state == PolicyState.OBSERVING
+
+
+def test_a_cancel_before_the_executor_answered_is_repeated() -> None:
+    world = World()
+    world.say()
+    world.see()
+    world.think()
+    world.say("")
+    world.accept()
+    assert world.cancelled == [world.goals[-1][0]] * 2
+
+
+def test_a_cancel_that_nobody_confirms_is_an_executor_lost() -> None:
+    world = World(cancel_timeout=5.0)
+    world.start_moving()
+    world.say()
+    world.wait(5.1)
+    assert world.state == PolicyState.FAILED
+    assert world.message.startswith("executor lost: no answer to a cancel")
+    world.say()
+    world.see()
+    world.think()
+    assert len(world.goals) == 2
+
+
+def test_stop_latches_and_resume_ends_it() -> None:
+    world = World()
+    world.start_moving()
+    assert world.server.stop(world.now).success
+    assert (world.stops, world.cancelled) == (1, [world.goals[-1][0]])
+    assert world.state == PolicyState.IDLE
+    assert "stopped" in world.message
+    world.end(Outcome.CANCELLED)
+    world.say()
+    assert (world.state, world.message) == (
+        PolicyState.FAILED,
+        "the server is stopped: call /cliport/resume first",
+    )
+    assert world.server.resume().success
+    assert (world.resumes, world.state, world.message) == (1, PolicyState.IDLE, "ready")
+    world.say()
+    world.see()
+    world.think()
+    assert len(world.goals) == 2
+
+
+def test_stop_while_thinking_moves_nothing() -> None:
+    world = World()
+    world.say()
+    world.see()
+    world.server.stop(world.now)
+    world.think()
+    assert not world.goals
+    assert world.state == PolicyState.IDLE
+
+
+def test_approval_comes_before_every_motion() -> None:
+    world = World(require_approval=True)
+    assert world.server.approve(world.now) == Answer(False, "nothing waits for approval: the server is IDLE")
+    world.say()
+    world.see()
+    world.think()
+    assert world.state == PolicyState.WAITING_FOR_APPROVAL
+    assert world.proposals
+    assert [status.confidence for status in world.statuses] == [0.0, 0.0, 0.9]  # known when it waits
+    world.wait(20.0)
+    assert not world.goals
+    assert world.server.approve(world.now).success
+    assert len(world.goals) == 1
+    assert not world.server.approve(world.now).success
+
+
+def test_an_old_proposal_is_made_again_instead_of_executed() -> None:
+    world = World(require_approval=True, max_proposal_age=30.0)
+    world.say()
+    world.see()
+    world.think()
+    world.wait(31.0)
+    assert not world.server.approve(world.now).success
+    assert world.state == PolicyState.OBSERVING
+    assert not world.goals
+    world.see()
+    world.think()
+    assert world.server.approve(world.now).success
