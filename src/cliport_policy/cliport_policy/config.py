@@ -72,6 +72,8 @@ class TrainConfig:
     precision: `bfloat16` where it loses little, `float32`, or `auto`: the first where this machine is fast at it.
     recolor: recolor_probability of the samples that name colours get others, and their sentences too: `demonstrated`,
     those that the demonstrations show and name, or `surveyed`, all basic colours, in shades of a survey; or `none`.
+    rearrange_probability: of samples whose things are put elsewhere on the table, each by itself: where things may lie
+    anywhere, as blocks and bowls may, but not a rope at its frame.
     jitter: whether colours and heights get small errors. phrases_per_goal: wordings that a canonical sentence gets.
     """
 
@@ -94,6 +96,7 @@ class TrainConfig:
     translation_sigma_px: float = 26.67
     recolor: str = "none"
     recolor_probability: float = 0.7
+    rearrange_probability: float = 0.0
     jitter: bool = True
     phrases_per_goal: int = 200
     precision: str = "auto"
@@ -112,7 +115,8 @@ class TrainConfig:
                 raise ConfigError(f"{field.name}={value} must be a number of {least.get(field.name, 0)} or more")
         if self.learning_rate == 0:
             raise ConfigError("learning_rate=0 learns nothing: give a positive one")
-        for name in ("ema_decay", "done_share", "augment_probability", "recolor_probability"):
+        shares = ("ema_decay", "done_share", "augment_probability", "recolor_probability", "rearrange_probability")
+        for name in shares:
             if getattr(self, name) > 1:
                 raise ConfigError(f"{name}={getattr(self, name)} must be in 0..1")
 

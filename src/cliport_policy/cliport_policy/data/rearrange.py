@@ -1,0 +1,203 @@
+"""Demonstrations in other arrangements: each thing on the table is cut out, turned and put down somewhere else.
+
+So a few demonstrations do not teach that what is asked for lies where it lay in them. It is for sentences that say
+which thing, not where; whether a task's things may lie anywhere is for its author to say.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from cliport_perception.heightmap import Heightmap
+from cliport_policy.data.augmentation import PlanarTransform, identity_transform, names_direction
+from cliport_policy.data.demonstrations import Demonstration
+
+_RAISED = 0.005  # m above the base's z = 0: a thing, neither the table nor a shadow on it
+_LEAST = 60  # raised pixels of a thing: less is noise
+_MARGIN = 3  # pixels around a thing that go with it
+_HIDDEN = 12  # pixels from a thing: so far off it hides the table from the camera
+_FREE_PLACE = 10  # pixels around a place on the table that stay free
+_TRIES = 60  # to find room for one thing
+
+
+class Thing(NamedTuple):
+    """Something on the table. mask: its pixels and what it hides, (H, W); loose: wholly in the picture."""
+
+    mask: NDArray[np.bool_]
+    loose: bool
+
+
+class Cutout(NamedTuple):
+    """A thing, turned and moved by the transform: what is to be seen at rows and cols (slices) where mask says so."""
+
+    transform: PlanarTransform
+    rows: slice
+    cols: slice
+    mask: NDArray[np.bool_]
+    color: NDArray[np.uint8]
+    height: NDArray[np.float32]
+    valid: NDArray[np.bool_]
+
+
+def rearranged(scene: Heightmap, demo: Demonstration, rng: np.random.Generator) -> tuple[Heightmap, Demonstration]:
+    """Scene and demonstration with each thing elsewhere. What leaves the picture stays.
+
+    As they are where the sentence speaks of directions, nothing is seen at the pick, or the things find no room.
+    """
+    if names_direction(demo.instruction):
+        return scene, demo
+    things = find_things(scene)
+    pick, place = (None if demo.done else _thing_at(things, pixel) for pixel in (demo.pick_pixel, demo.place_pixel))
+    if pick is None and not demo.done:
+        return scene, demo
+    taken = np.zeros(scene.valid.shape, np.uint8)
+    if place is None and not demo.done:
+        cv2.circle(taken, (demo.place_pixel[1], demo.place_pixel[0]), _FREE_PLACE, 1, -1)
+    cutouts = _put_down(scene, things, taken.astype(bool), rng)
+    if cutouts is None:
+        return scene, demo
+    moved = _compose(scene, things, cutouts, rng)
+    return moved, demo if demo.done else _relabel(demo, cutouts, pick, place)
+
+
+def find_things(scene: Heightmap) -> list[Thing]:
+    """What rises above the table, each with its holes and with what it hides from the camera; large ones first."""
+    raised = scene.valid & (scene.height > _RAISED)
+    near = cv2.dilate(raised.astype(np.uint8), _square(_HIDDEN)).astype(bool)
+    stuff = cv2.morphologyEx((raised | (near & ~scene.valid)).astype(np.uint8), cv2.MORPH_CLOSE, _square(1))
+    contours, _ = cv2.findContours(stuff, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    things = []
+    for contour in sorted(contours, key=cv2.contourArea, reverse=True):
+        outline = cv2.drawContours(np.zeros_like(stuff), [contour], 0, 1, -1)
+        seen = raised & outline.astype(bool)
+        if seen.sum() >= _LEAST:
+            mask = cv2.dilate(outline, _square(_MARGIN)).astype(bool)
+            things.append(Thing(mask, not (seen[[0, -1]].any() or seen[:, [0, -1]].any())))
+    return things
+
+
+def _square(half: int) -> NDArray[np.uint8]:
+    return np.ones((2 * half + 1, 2 * half + 1), np.uint8)
+
+
+def _thing_at(things: Sequence[Thing], pixel: tuple[int, int]) -> int | None:
+    return next((i for i, thing in enumerate(things) if thing.mask[pixel]), None)
+
+
+def _put_down(
+    scene: Heightmap, things: Sequence[Thing], taken: NDArray[np.bool_], rng: np.random.Generator
+) -> list[Cutout | None] | None:
+    """Each thing where there is room, None for one that stays; None when one finds no room.
+
+    taken: (H, W), where nothing may lie; what does is added.
+    """
+    for thing in things:
+        if not thing.loose:
+            taken |= thing.mask
+    cutouts: list[Cutout | None] = []
+    for thing in things:
+        cutout = _find_room(_turned(scene, thing, rng), taken, rng) if thing.loose else None
+        if cutout is None and thing.loose:
+            return None
+        if cutout is not None:
+            taken[cutout.rows, cutout.cols] |= cutout.mask
+        cutouts.append(cutout)
+    return cutouts
+
+
+def _turned(scene: Heightmap, thing: Thing, rng: np.random.Generator) -> Cutout:
+    """A thing turned by any angle, in the picture's corner."""
+    top, left, bottom, right = _bounds(thing.mask)
+    angle = rng.uniform(-math.pi, math.pi)
+    cos, sin = math.cos(angle), math.sin(angle)
+    turn = np.array([[cos, -sin], [sin, cos]])
+    side = math.ceil(math.hypot(bottom - top, right - left)) + 1
+    middle = np.array([(right - left - 1) / 2, (bottom - top - 1) / 2])
+    matrix = np.column_stack((turn, (side - 1) / 2 - turn @ middle))
+    crop = (slice(top, bottom), slice(left, right))
+
+    def warp(image: NDArray[np.generic]) -> cv2.typing.MatLike:
+        return cv2.warpAffine(image[crop], matrix, (side, side), flags=cv2.INTER_NEAREST)  # type: ignore[arg-type]
+
+    mask = warp(thing.mask.astype(np.uint8)).astype(bool)
+    first_row, first_col, last_row, last_col = _bounds(mask)
+    kept = (slice(first_row, last_row), slice(first_col, last_col))
+    whole = np.column_stack((turn, matrix[:, 2] - turn @ (left, top) - (first_col, first_row)))
+    return Cutout(
+        PlanarTransform(angle, whole),
+        slice(0, last_row - first_row),
+        slice(0, last_col - first_col),
+        mask[kept],
+        warp(scene.color)[kept].astype(np.uint8),
+        warp(scene.height)[kept].astype(np.float32),
+        warp(scene.valid.astype(np.uint8))[kept].astype(bool),
+    )
+
+
+def _bounds(mask: NDArray[np.bool_]) -> tuple[int, int, int, int]:
+    """The first row and column that a mask has something in, and the first after its last ones."""
+    rows, cols = np.flatnonzero(mask.any(1)), np.flatnonzero(mask.any(0))
+    return int(rows[0]), int(cols[0]), int(rows[-1]) + 1, int(cols[-1]) + 1
+
+
+def _find_room(cutout: Cutout, taken: NDArray[np.bool_], rng: np.random.Generator) -> Cutout | None:
+    height, width = cutout.mask.shape
+    room = (taken.shape[0] - height, taken.shape[1] - width)
+    if min(room) < 0:
+        return None
+    for row, col in rng.integers(0, np.array(room) + 1, (_TRIES, 2)).tolist():
+        rows, cols = slice(row, row + height), slice(col, col + width)
+        if not (taken[rows, cols] & cutout.mask).any():
+            matrix = cutout.transform.matrix + np.array([[0, 0, col], [0, 0, row]])
+            return cutout._replace(transform=PlanarTransform(cutout.transform.angle, matrix), rows=rows, cols=cols)
+    return None
+
+
+def _compose(
+    scene: Heightmap, things: Sequence[Thing], cutouts: Sequence[Cutout | None], rng: np.random.Generator
+) -> Heightmap:
+    """The scene with its things moved, and pixels of the bare table where they were."""
+    color, height, valid = scene.color.copy(), scene.height.copy(), scene.valid.copy()
+    bare = scene.valid & (scene.height <= _RAISED)
+    left = np.zeros_like(bare)
+    for thing, cutout in zip(things, cutouts, strict=True):
+        bare &= ~thing.mask
+        left |= thing.mask & (cutout is not None)
+    table = np.flatnonzero(bare)
+    if len(table):
+        others = rng.choice(table, int(left.sum()))
+        color[left], height[left], valid[left] = scene.color.reshape(-1, 3)[others], scene.height.ravel()[others], True
+    for cutout in cutouts:
+        if cutout is not None:
+            for whole, part in ((color, cutout.color), (height, cutout.height), (valid, cutout.valid)):
+                whole[cutout.rows, cutout.cols][cutout.mask] = part[cutout.mask]
+    return dataclasses.replace(scene, color=color, height=height, valid=valid)
+
+
+def _relabel(
+    demo: Demonstration, cutouts: Sequence[Cutout | None], pick: int | None, place: int | None
+) -> Demonstration:
+    """The poses go with the things that they are on; None: on the table, which stays."""
+    of_pick, of_place = (_transform_of(None if i is None else cutouts[i]) for i in (pick, place))
+    return dataclasses.replace(
+        demo,
+        pick_pixel=_round(of_pick.pixel(demo.pick_pixel)),
+        pick_yaw=demo.pick_yaw + of_pick.angle,
+        place_pixel=_round(of_place.pixel(demo.place_pixel)),
+        place_yaw=demo.place_yaw + of_place.angle,
+    )
+
+
+def _transform_of(cutout: Cutout | None) -> PlanarTransform:
+    return identity_transform() if cutout is None else cutout.transform
+
+
+def _round(pixel: tuple[float, float]) -> tuple[int, int]:
+    return round(pixel[0]), round(pixel[1])
