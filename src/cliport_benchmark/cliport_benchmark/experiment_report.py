@@ -115,7 +115,7 @@ def _plot(scores: Sequence[TestScore], path: Path) -> None:
     from matplotlib.figure import Figure  # no pyplot: no display, no state
 
     tasks = list(dict.fromkeys(s.task for s in scores))
-    figure = Figure(figsize=(5.0 * len(tasks), 4.0), layout="constrained")
+    figure = Figure(figsize=(5.0 * len(tasks), 5.5), layout="constrained")
     for panel, task in zip(figure.subplots(1, len(tasks), squeeze=False)[0], tasks, strict=True):
         for method in dict.fromkeys(s.method for s in scores if s.task == task):
             line = [s for s in scores if (s.task, s.method) == (task, method)]
@@ -128,7 +128,7 @@ def _plot(scores: Sequence[TestScore], path: Path) -> None:
         if chance:
             panel.axhline(sum(chance) / len(chance), color="gray", linewidth=0.8, label="chance")
         panel.set(xscale="log", ylim=(0, 103), title=task, xlabel="demonstrations", ylabel="mean test score")
-        panel.legend(fontsize="small")
+        panel.legend(fontsize="small", loc="upper center", bbox_to_anchor=(0.5, -0.15))  # names are long
     figure.savefig(path, dpi=120)
 
 
