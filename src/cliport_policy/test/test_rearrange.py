@@ -14,7 +14,8 @@ from cliport_policy.config import TrainConfig
 from cliport_policy.data.batches import Phrasebook, make_sample
 from cliport_policy.data.demonstrations import Demonstration, load_demonstrations
 from cliport_policy.data.mixture import Mixture, Source
-from cliport_policy.data.rearrange import find_things, rearranged
+from cliport_policy.data.rearrange import rearranged
+from cliport_policy.data.things import find_things
 from cliport_policy.errors import ConfigError
 
 RED, BLUE, GREEN, TABLE = (200, 30, 30), (30, 30, 200), (30, 200, 30), (90, 90, 90)
@@ -108,8 +109,10 @@ def test_what_leaves_the_picture_stays() -> None:
         (_usual(), replace(DEMO, instruction="put the bar left of the blue pad")),
         (_usual(), replace(DEMO, pick_pixel=(10, 10))),
         (_scene((BAR, RED), ((slice(70, 300), slice(5, 155)), BLUE), ((slice(20, 35), slice(5, 155)), GREEN)), DEMO),
+        (_scene(((slice(None), slice(None)), RED)), DEMO),
+        (_scene(), DEMO),
     ],
-    ids=["a direction", "nothing at the pick", "no room"],
+    ids=["a direction", "nothing at the pick", "no room", "no table", "nothing at all"],
 )
 def test_what_cannot_be_rearranged_is_left_alone(scene: Heightmap, demo: Demonstration) -> None:
     for seed in range(3):

@@ -125,6 +125,12 @@ def test_the_papers_recipe_trains_any_network(make_flat_set: Callable[..., Path]
         assert load_policy(tmp_path / name, "float32").card.network == _streams(name)
 
 
+def test_a_goal_image_is_not_rearranged(make_flat_set: Callable[..., Path], tmp_path: Path) -> None:
+    data = make_flat_set(tmp_path / "data", 3, actions=2, pixel_size=SMALL)
+    with pytest.raises(ConfigError, match=r"rearrange_probability=0\.5 .* leave it 0"):
+        _trainer(data, tmp_path / "run", replace(PAPER, rearrange_probability=0.5), _streams("image_goal"))
+
+
 def test_it_learns(make_flat_set: Callable[..., Path], tmp_path: Path) -> None:
     data = make_flat_set(tmp_path / "data", 6, pixel_size=SMALL)
     config = replace(CONFIG, steps=40, batch_size=8, learning_rate=5e-3, ema_decay=0.5)

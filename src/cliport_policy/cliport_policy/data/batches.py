@@ -94,8 +94,8 @@ def make_sample(
 ) -> Sample:
     """One demonstration, reworded, its images jittered alike and (with augment_probability) moved by an SE(2).
 
-    With a recoloring, recolor_probability of the samples get other colours; rearrange_probability of those without a
-    goal image get another arrangement.
+    With a recoloring, recolor_probability of the samples get other colours; rearrange_probability get another
+    arrangement, which a goal image would not show.
     """
     demo, paints = drawn.demo, None
     if recoloring is not None and rng.random() < config.recolor_probability:
@@ -103,7 +103,7 @@ def make_sample(
     sentence = demo.instruction if paints is None else paints.sentence(demo.instruction)
     phrase, seed = phrasebook.draw(sentence, rng), int(rng.integers(2**62))
     observation = drawn.data.observation(drawn.frame)
-    if drawn.goal is None and config.rearrange_probability and rng.random() < config.rearrange_probability:
+    if config.rearrange_probability and rng.random() < config.rearrange_probability:
         observation, demo = rearranged(observation, demo, rng)
     transform = identity_transform()
     if rng.random() < config.augment_probability:

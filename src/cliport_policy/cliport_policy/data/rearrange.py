@@ -18,20 +18,10 @@ from numpy.typing import NDArray
 from cliport_perception.heightmap import Heightmap
 from cliport_policy.data.augmentation import PlanarTransform, identity_transform, names_direction
 from cliport_policy.data.demonstrations import Demonstration
+from cliport_policy.data.things import Thing, find_things, raised
 
-_RAISED = 0.005  # m above the base's z = 0: a thing, neither the table nor a shadow on it
-_LEAST = 60  # raised pixels of a thing: less is noise
-_MARGIN = 3  # pixels around a thing that go with it
-_HIDDEN = 12  # pixels from a thing: so far off it hides the table from the camera
 _FREE_PLACE = 10  # pixels around a place on the table that stay free
 _TRIES = 60  # to find room for one thing
-
-
-class Thing(NamedTuple):
-    """Something on the table. mask: its pixels and what it hides, (H, W); loose: wholly in the picture."""
-
-    mask: NDArray[np.bool_]
-    loose: bool
 
 
 class Cutout(NamedTuple):
@@ -47,15 +37,17 @@ class Cutout(NamedTuple):
 
 
 def rearranged(scene: Heightmap, demo: Demonstration, rng: np.random.Generator) -> tuple[Heightmap, Demonstration]:
-    """Scene and demonstration with each thing elsewhere. What leaves the picture stays.
+    """Scene and demonstration with each thing elsewhere. What leaves the picture stays; what touches stays together.
 
-    As they are where the sentence speaks of directions, nothing is seen at the pick, or the things find no room.
+    As they are where the sentence speaks of directions, nothing is seen at the pick, the things find no room,
+    or no table is seen between them.
     """
     if names_direction(demo.instruction):
         return scene, demo
     things = find_things(scene)
     pick, place = (None if demo.done else _thing_at(things, pixel) for pixel in (demo.pick_pixel, demo.place_pixel))
-    if pick is None and not demo.done:
+    bare = scene.valid & ~raised(scene) & ~np.any([thing.mask for thing in things], axis=0)
+    if (pick is None and not demo.done) or not bare.any():
         return scene, demo
     taken = np.zeros(scene.valid.shape, np.uint8)
     if place is None and not demo.done:
@@ -63,28 +55,8 @@ def rearranged(scene: Heightmap, demo: Demonstration, rng: np.random.Generator) 
     cutouts = _put_down(scene, things, taken.astype(bool), rng)
     if cutouts is None:
         return scene, demo
-    moved = _compose(scene, things, cutouts, rng)
+    moved = _compose(scene, things, cutouts, np.flatnonzero(bare), rng)
     return moved, demo if demo.done else _relabel(demo, cutouts, pick, place)
-
-
-def find_things(scene: Heightmap) -> list[Thing]:
-    """What rises above the table, each with its holes and with what it hides from the camera; large ones first."""
-    raised = scene.valid & (scene.height > _RAISED)
-    near = cv2.dilate(raised.astype(np.uint8), _square(_HIDDEN)).astype(bool)
-    stuff = cv2.morphologyEx((raised | (near & ~scene.valid)).astype(np.uint8), cv2.MORPH_CLOSE, _square(1))
-    contours, _ = cv2.findContours(stuff, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
-    things = []
-    for contour in sorted(contours, key=cv2.contourArea, reverse=True):
-        outline = cv2.drawContours(np.zeros_like(stuff), [contour], 0, 1, -1)
-        seen = raised & outline.astype(bool)
-        if seen.sum() >= _LEAST:
-            mask = cv2.dilate(outline, _square(_MARGIN)).astype(bool)
-            things.append(Thing(mask, not (seen[[0, -1]].any() or seen[:, [0, -1]].any())))
-    return things
-
-
-def _square(half: int) -> NDArray[np.uint8]:
-    return np.ones((2 * half + 1, 2 * half + 1), np.uint8)
 
 
 def _thing_at(things: Sequence[Thing], pixel: tuple[int, int]) -> int | None:
@@ -103,11 +75,13 @@ def _put_down(
             taken |= thing.mask
     cutouts: list[Cutout | None] = []
     for thing in things:
-        cutout = _find_room(_turned(scene, thing, rng), taken, rng) if thing.loose else None
-        if cutout is None and thing.loose:
+        if not thing.loose:
+            cutouts.append(None)
+            continue
+        cutout = _find_room(_turned(scene, thing, rng), taken, rng)
+        if cutout is None:
             return None
-        if cutout is not None:
-            taken[cutout.rows, cutout.cols] |= cutout.mask
+        taken[cutout.rows, cutout.cols] |= cutout.mask
         cutouts.append(cutout)
     return cutouts
 
@@ -161,19 +135,19 @@ def _find_room(cutout: Cutout, taken: NDArray[np.bool_], rng: np.random.Generato
 
 
 def _compose(
-    scene: Heightmap, things: Sequence[Thing], cutouts: Sequence[Cutout | None], rng: np.random.Generator
+    scene: Heightmap,
+    things: Sequence[Thing],
+    cutouts: Sequence[Cutout | None],
+    bare: NDArray[np.intp],
+    rng: np.random.Generator,
 ) -> Heightmap:
-    """The scene with its things moved, and pixels of the bare table where they were."""
+    """The scene with its things moved, and where they were pixels of the bare table, which has these flat indices."""
     color, height, valid = scene.color.copy(), scene.height.copy(), scene.valid.copy()
-    bare = scene.valid & (scene.height <= _RAISED)
-    left = np.zeros_like(bare)
+    left = np.zeros_like(valid)
     for thing, cutout in zip(things, cutouts, strict=True):
-        bare &= ~thing.mask
         left |= thing.mask & (cutout is not None)
-    table = np.flatnonzero(bare)
-    if len(table):
-        others = rng.choice(table, int(left.sum()))
-        color[left], height[left], valid[left] = scene.color.reshape(-1, 3)[others], scene.height.ravel()[others], True
+    table = rng.choice(bare, int(left.sum()))
+    color[left], height[left], valid[left] = scene.color.reshape(-1, 3)[table], scene.height.ravel()[table], True
     for cutout in cutouts:
         if cutout is not None:
             for whole, part in ((color, cutout.color), (height, cutout.height), (valid, cutout.valid)):

@@ -16,12 +16,12 @@ from cliport_perception.heightmap import Heightmap
 from cliport_policy.data.color_names import distance, lab, rename, rgb, surveyed_shades, terms_in
 from cliport_policy.data.demonstrations import Demonstration
 from cliport_policy.data.mixture import Drawn, Mixture
+from cliport_policy.data.things import raised
 
 Lab = NDArray[np.float32]  # CIELAB: (3,), or (N, 3) shades
 _Key = tuple[str, str, int, str]  # folder, task, episode, sentence
 
 _PATCH = 3  # pixels around a pick or a place that show its colour
-_RAISED = 0.005  # m above the base's z = 0: a thing, neither the table nor a shadow on it
 _SAME = 14.0  # CIELAB units: as far as one thing's pixels are from its colour
 _FAR = 30.0  # CIELAB units from the nearest surveyed shade: nobody calls a colour so
 _MOST_TERMS = 2  # in a sentence: that of what is picked and that of where it goes
@@ -50,7 +50,7 @@ class Repainting(NamedTuple):
     def image(self, scene: Heightmap) -> NDArray[np.uint8]:
         """(H, W, 3) RGB: the scene in its new colours, shaded as it was."""
         out = scene.color.copy()
-        things = scene.valid & (scene.height > _RAISED)
+        things = raised(scene)
         pixels = lab(out[things])
         if not len(pixels):
             return out

@@ -21,7 +21,7 @@ from cliport_policy.data.batches import Phrasebook
 from cliport_policy.data.loader import THREADS, Loader, StepBatches
 from cliport_policy.data.mixture import Mixture, Source
 from cliport_policy.data.recolor import Recoloring
-from cliport_policy.errors import TrainingError
+from cliport_policy.errors import ConfigError, TrainingError
 from cliport_policy.language import ENCODER_NAME, TextEncoder
 from cliport_policy.named_configs import AnyNetworkConfig
 from cliport_policy.networks.factory import build_network, has_fast_bfloat16
@@ -68,13 +68,18 @@ class Trainer:
     ) -> None:
         """initial: what to begin with, of this network_config; None: random weights.
 
-        Raises DataError where the data or the folder do not fit, EncoderError where an encoder's file is absent and
-        CheckpointError where the initial weights do not fit.
+        Raises ConfigError where the settings do not fit the network, DataError where the data or the folder do not,
+        EncoderError where an encoder's file is absent and CheckpointError where the initial weights do not fit.
         """
         self.folder, self.config, self.made_by, self.group, self.encoder = folder, config, made_by, group, encoder
         self.initial = initial
         torch.manual_seed(config.seed)
         network = build_network(network_config).to(group.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
+        if config.rearrange_probability and network.needs_goal_image:
+            raise ConfigError(
+                f"rearrange_probability={config.rearrange_probability} is not for a network that is shown a goal image,"
+                " whose things lie elsewhere: leave it 0"
+            )
         if initial is not None:
             initial.put_into(network)
         group.share(network)
