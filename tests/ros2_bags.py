@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import importlib
 import os
-import shutil
 import signal
 import sqlite3
 import subprocess
@@ -22,6 +21,7 @@ from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message, serialize_message
+from ros2_process import ROS2, TIMEOUT
 from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 from rosbags.rosbag2 import Reader, StoragePlugin, Writer
 from rosbags.rosbag2.enums import CompressionFormat, CompressionMode
@@ -30,9 +30,7 @@ from std_msgs.msg import String
 
 from cliport_interfaces.msg import WorkspaceSpec
 
-ROS2 = shutil.which("ros2") or str(Path(__file__).parents[1] / "tools/ros2/bin/ros2")
 MATCHING_TIME = 0.5  # s, for two ends that know of each other to be connected
-TIMEOUT = 60.0  # s, for what takes 1 or 2 where nothing else runs
 START = 1_700_000_000_000_000_000  # ns, of the written bags
 BEST_EFFORT = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
 LATCHED = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)

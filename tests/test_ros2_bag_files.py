@@ -35,10 +35,24 @@ def test_info_of_jazzys_and_humbles_bags(tmp_path, storage, version):
     assert re.fullmatch(r"End:               Nov 1\d 2023 \d\d:\d\d:22\.000000000 \(1700000002\.000000000\)", lines[7])
     assert lines[8:] == [
         "Messages:          21",
-        "Topic information: Topic: /words | Type: std_msgs/msg/String | Count: 20 | Serialization Format: cdr",
-        "                   Topic: /spec | Type: cliport_interfaces/msg/WorkspaceSpec | Count: 1 "
+        "Topic information: Topic: /spec | Type: cliport_interfaces/msg/WorkspaceSpec | Count: 1 "
         "| Serialization Format: cdr",
+        "                   Topic: /words | Type: std_msgs/msg/String | Count: 20 | Serialization Format: cdr",
+        "Service:           0",
+        "Service information: ",
     ]
+
+
+def test_info_sorts_topics_and_tells_services_apart(tmp_path):
+    rows = [("/add/_service_event", 0.1 * k, Header()) for k in range(3)] + ROWS
+    write_bag(tmp_path / "bag", rows, types={"/add/_service_event": "add_msgs/srv/Add_Event"})
+    info = bag_command("info", tmp_path / "bag", "--sort", "count").stdout
+    assert [line.split()[-11] for line in info.splitlines() if "Topic: " in line] == ["/spec", "/words"]
+    assert info.endswith(
+        "Service:           1\n"
+        "Service information: Service: /add | Type: add_msgs/srv/Add | Event Count: 3 | Serialization Format: cdr\n"
+    )
+    assert bag_command("info", tmp_path / "bag", "-t").stdout == "/spec\n/words\n"
 
 
 def test_one_storage_file_is_a_bag(tmp_path):
@@ -91,8 +105,10 @@ def test_info_of_what_is_no_bag(tmp_path):
     metadata = tmp_path / "odd/metadata.yaml"
     metadata.write_text(metadata.read_text().replace("storage_identifier: mcap", "storage_identifier: papyrus"))
     storage_file(tmp_path / "odd").unlink()
+    absent = bag_command("info", tmp_path / "absent")
+    assert absent.returncode == 2
+    assert absent.stderr.endswith(f"error: argument bag_path: Bag path '{tmp_path / 'absent'}' does not exist!\n")
     for path, reason in [
-        (tmp_path / "absent", "does not exist"),
         (tmp_path / "empty", "metadata"),
         (tmp_path / "text.mcap", "magic is invalid"),
         (tmp_path / "odd", "missing"),
@@ -115,10 +131,8 @@ def test_refusals_come_in_one_line(tmp_path):
         ([*play, "--topics", "/nothing"], "has /spec, /words"),
         ([*play, "--remap", "/words"], "Remapping '/words' is not 'old:=new'"),
         ([*play, "--qos-profile-overrides-path", tmp_path / "qos.yaml"], "qos.yaml"),
-        (["play", tmp_path / "absent"], "does not exist"),
         (["play", tmp_path / "strange"], "install the packages of nowhere_msgs/msg/Thing"),
-        (record, "Must specify topics"),
-        ([*record, "-a", "-s", "papyrus"], "Unknown storage 'papyrus': choose mcap or sqlite3"),
+        (record, "Must specify --topics"),
         ([*record, "-e", "["], "no regular expression"),
         ([*record, "-a", "--custom-data", "operator"], "Custom data 'operator' is not KEY=VALUE"),
         (["record", "-a", "-o", tmp_path / "bag"], f"Output folder '{tmp_path / 'bag'}' already exists."),
@@ -128,5 +142,13 @@ def test_refusals_come_in_one_line(tmp_path):
         assert refused.returncode == 1, arguments
         assert message in refused.stderr, arguments
         assert len(refused.stderr.splitlines()) == 1, refused.stderr
+    for arguments, message in [
+        ([*play, "--rate", "0"], "is not greater than zero"),
+        (["play", tmp_path / "absent"], "does not exist!"),
+        ([*record, "-a", "-s", "papyrus"], "invalid choice: 'papyrus'"),
+        ([*record, "/a", "--topics", "/b"], "not allowed with argument"),
+    ]:
+        refused = bag_command(*arguments)
+        assert refused.returncode == 2, arguments
+        assert message in refused.stderr.splitlines()[-1], refused.stderr
     assert not (tmp_path / "new").exists()
-    assert bag_command("play", tmp_path / "bag", "--rate", "0").returncode == 2

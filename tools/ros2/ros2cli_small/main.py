@@ -6,8 +6,22 @@ import argparse
 import os
 import signal
 import sys
+from typing import Any
 
-from ros2cli_small import launch, run, service_call, topic_echo, topic_hz, topic_list, topic_pub
+from ros2cli_small import (
+    action,
+    interface_show,
+    launch,
+    node_list,
+    param,
+    run,
+    service_call,
+    topic_echo,
+    topic_hz,
+    topic_info,
+    topic_list,
+    topic_pub,
+)
 from ros2cli_small.bag import info as bag_info
 from ros2cli_small.bag import play as bag_play
 from ros2cli_small.bag import record as bag_record
@@ -21,22 +35,25 @@ def build_parser() -> argparse.ArgumentParser:
     run.add_parser(commands)
     launch.add_parser(commands)
 
-    topic = commands.add_parser("topic", help="Various topic related sub-commands")
-    topic.set_defaults(group=topic)
-    verbs = topic.add_subparsers(title="Commands", metavar="verb")
-    for verb in (topic_echo, topic_hz, topic_list, topic_pub):
-        verb.add_parser(verbs)
-
-    bag = commands.add_parser("bag", help="Various rosbag related sub-commands")
-    bag.set_defaults(group=bag)
-    bag_verbs = bag.add_subparsers(title="Commands", metavar="verb")
+    action.add_parsers(_add_group(commands, "action", "Various action related sub-commands"))
+    bag = _add_group(commands, "bag", "Various rosbag related sub-commands")
     for bag_verb in (bag_info, bag_play, bag_record):
-        bag_verb.add_parser(bag_verbs)
-
-    service = commands.add_parser("service", help="Various service related sub-commands")
-    service.set_defaults(group=service)
-    service_call.add_parser(service.add_subparsers(title="Commands", metavar="verb"))
+        bag_verb.add_parser(bag)
+    interface_show.add_parser(_add_group(commands, "interface", "Show information about ROS interfaces"))
+    node_list.add_parser(_add_group(commands, "node", "Various node related sub-commands"))
+    param.add_parsers(_add_group(commands, "param", "Various param related sub-commands"))
+    service_call.add_parser(_add_group(commands, "service", "Various service related sub-commands"))
+    topic = _add_group(commands, "topic", "Various topic related sub-commands")
+    for verb in (topic_echo, topic_hz, topic_info, topic_list, topic_pub):
+        verb.add_parser(topic)
     return parser
+
+
+def _add_group(commands: Any, name: str, text: str) -> Any:
+    """Return what a group's verbs are added to."""
+    group = commands.add_parser(name, help=text)
+    group.set_defaults(group=group)
+    return group.add_subparsers(title="Commands", metavar="verb")
 
 
 def main(argv: list[str] | None = None) -> int:

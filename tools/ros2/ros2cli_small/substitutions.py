@@ -96,16 +96,9 @@ def _evaluate(expression: str, scope: Scope) -> str:
     if not low <= len(arguments) <= high:
         raise CommandError(f"substitution '$({expression})' takes {low} to {high} arguments, got {len(arguments)}")
     if name == "var":
-        if arguments[0] in scope.configurations:
-            return scope.configurations[arguments[0]]
-        if len(arguments) == 2:
-            return arguments[1]
-        raise CommandError(f"launch configuration '{arguments[0]}' does not exist")
+        return _look_up("launch configuration", scope.configurations, arguments)
     if name == "env":
-        value = os.environ.get(arguments[0], arguments[1] if len(arguments) == 2 else None)
-        if value is None:
-            raise CommandError(f"environment variable '{arguments[0]}' does not exist")
-        return value
+        return _look_up("environment variable", os.environ, arguments)
     if name in ("dirname", "filename"):
         return str(scope.file.parent) if name == "dirname" else scope.file.name
     if name == "find-pkg-share":
@@ -115,6 +108,16 @@ def _evaluate(expression: str, scope: Scope) -> str:
     if name == "exec-in-pkg":
         return str(find_executable(arguments[1], arguments[0]))
     return str(_logic(name, arguments)).lower()
+
+
+def _look_up(kind: str, values: Mapping[str, str], arguments: list[str]) -> str:
+    """Return the value of a name, or the default; arguments: the name and, optionally, a default."""
+    name, *default = arguments
+    if name in values:
+        return values[name]
+    if default:
+        return default[0]
+    raise CommandError(f"{kind} '{name}' does not exist")
 
 
 _ARITY = {

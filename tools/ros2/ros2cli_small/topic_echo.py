@@ -13,6 +13,7 @@ from ros2cli_small.graph import (
     load_type,
     spin_until,
     wait_for_topic_type,
+    wait_until_found,
 )
 from ros2cli_small.message_values import Shortening, to_csv, to_yaml
 from ros2cli_small.qos import add_qos_arguments, subscriber_profile
@@ -26,7 +27,7 @@ def add_parser(verbs: Any) -> None:
     add_node_arguments(parser)
     parser.add_argument("topic_name", help="Name of the ROS topic to listen to (e.g. '/chatter')")
     parser.add_argument("message_type", nargs="?", help="Type of the ROS message (e.g. 'std_msgs/msg/String')")
-    add_qos_arguments(parser)
+    add_qos_arguments(parser, "sensor_data")
     parser.add_argument("--csv", action="store_true", help="Output all recursive fields separated by commas")
     parser.add_argument("--field", metavar="FIELD", help="Echo a selected field of a message")
     parser.add_argument("-f", "--full-length", action="store_true", help="Output all elements of arrays and strings")
@@ -78,13 +79,12 @@ def main(args: argparse.Namespace) -> int:
     with command_node(args.use_sim_time) as node:
         topic = full_name(node, args.topic_name)
         # Even with the type given: the publishers' QoS is what the subscription is to fit.
-        kind = wait_for_topic_type(node, topic, args.spin_time if args.message_type is None else 1.0)
-        if kind is None and args.message_type is None:
+        wait_until_found(node, lambda: node.count_publishers(topic), args.spin_time)
+        kind = args.message_type or wait_for_topic_type(node, topic, 0.0)
+        if kind is None:
             print(f"WARNING: topic [{topic}] does not appear to be published yet")
             raise CommandError("Could not determine the type for the passed topic")
-        message_class = load_type(str(args.message_type or kind), "message")
-        if node.count_publishers(topic) == 0:
-            spin_until(node, lambda: node.count_publishers(topic) > 0, 0.5)
+        message_class = load_type(kind, "message")
         node.create_subscription(message_class, topic, show, subscriber_profile(node, topic, args))
         spin_until(node, lambda: failure is not None or (args.once and printed > 0))
     if failure is not None:

@@ -16,9 +16,9 @@ from ros2cli_small.graph import (
     full_name,
     load_type,
     spin_until,
+    topic_types,
     wait_for_topic_type,
 )
-from ros2cli_small.qos import subscriber_profile
 
 DEFAULT_WINDOW = 10000
 PRINT_PERIOD = 1.0  # s
@@ -86,26 +86,28 @@ def positive_int(text: str) -> int:
 def add_parser(verbs: Any) -> None:
     """Add `topic hz` to the command line."""
     parser = verbs.add_parser("hz", help="Print the average receiving rate to screen")
-    add_node_arguments(parser)
+    add_node_arguments(parser, daemon=False)
     parser.add_argument("topic_name", help="Name of the ROS topic to listen to (e.g. '/chatter')")
     parser.add_argument(
         "-w", "--window", type=positive_int, default=DEFAULT_WINDOW,
         help=f"window size, in # of messages, for calculating rate (default: {DEFAULT_WINDOW})",
     )  # fmt: skip
     parser.add_argument("--wall-time", action="store_true", help="calculates rate using wall time")
-    parser.set_defaults(main=main, qos_profile=None, qos_depth=None, qos_history=None)
-    parser.set_defaults(qos_reliability=None, qos_durability=None)
+    parser.set_defaults(main=main)
 
 
 def main(args: argparse.Namespace) -> int:
     """Print the rate every second until Ctrl-C."""
+    from rclpy.qos import qos_profile_sensor_data
+
     meter = RateMeter(args.window)
     with command_node(args.use_sim_time) as node:
         topic = full_name(node, args.topic_name)
         kind = wait_for_topic_type(node, topic, args.spin_time)
         if kind is None:
             print(f"WARNING: topic [{topic}] does not appear to be published yet", flush=True)
-            kind = wait_for_topic_type(node, topic, None)
+            spin_until(node, lambda: bool(topic_types(node, topic)))
+            kind = wait_for_topic_type(node, topic, 0.0)
         clock: Callable[[], float] = time.time
         if args.use_sim_time and not args.wall_time:
             clock = lambda: node.get_clock().now().nanoseconds * 1e-9  # noqa: E731
@@ -113,7 +115,7 @@ def main(args: argparse.Namespace) -> int:
             load_type(str(kind), "message"),
             topic,
             lambda _message: meter.message_at(clock()),
-            subscriber_profile(node, topic, args),
+            qos_profile_sensor_data,  # it hears reliable publishers too
             raw=True,
         )
 

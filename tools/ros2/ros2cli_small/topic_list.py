@@ -5,15 +5,14 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from ros2cli_small.graph import add_node_arguments, command_node, spin_until
-
-DISCOVERY_TIME = 1.5  # s; there is no daemon that would know at once
+from ros2cli_small.discovery import wait_for_graph
+from ros2cli_small.graph import add_node_arguments, command_node, is_hidden
 
 
 def add_parser(verbs: Any) -> None:
     """Add `topic list` to the command line."""
     parser = verbs.add_parser("list", help="Output a list of available topics")
-    add_node_arguments(parser, DISCOVERY_TIME)
+    add_node_arguments(parser)
     parser.add_argument("-t", "--show-types", action="store_true", help="Additionally show the topic type")
     parser.add_argument(
         "-c", "--count-topics", action="store_true", help="Only display the number of topics discovered"
@@ -22,15 +21,10 @@ def add_parser(verbs: Any) -> None:
     parser.set_defaults(main=main)
 
 
-def is_hidden(topic: str) -> bool:
-    """Whether a part of the name starts with an underscore, as the topics of actions do."""
-    return any(part.startswith("_") for part in topic.split("/"))
-
-
 def main(args: argparse.Namespace) -> int:
     """Print one topic a line."""
     with command_node(args.use_sim_time) as node:
-        spin_until(node, lambda: False, args.spin_time)
+        wait_for_graph(node, args.spin_time)
         found = sorted(node.get_topic_names_and_types())
     topics = [(name, types) for name, types in found if args.include_hidden_topics or not is_hidden(name)]
     if args.count_topics:

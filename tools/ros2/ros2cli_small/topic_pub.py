@@ -9,7 +9,7 @@ from typing import Any
 from ros2cli_small.errors import CommandError
 from ros2cli_small.graph import add_node_arguments, command_node, full_name, load_type, spin_until
 from ros2cli_small.message_values import fill_message, parse_values
-from ros2cli_small.qos import add_qos_arguments, publisher_profile
+from ros2cli_small.qos import add_qos_arguments, profile_from_flags
 
 
 def positive_float(text: str) -> float:
@@ -55,8 +55,8 @@ def add_parser(verbs: Any) -> None:
         help="Keep publishing node alive for N seconds after the last msg (default: 0.1)",
     )  # fmt: skip
     parser.add_argument("-n", "--node-name", help="Name of the created publishing node")
-    add_qos_arguments(parser)
-    add_node_arguments(parser)
+    add_qos_arguments(parser, "default")
+    add_node_arguments(parser, daemon=False)
     parser.set_defaults(main=main)
 
 
@@ -72,7 +72,7 @@ def main(args: argparse.Namespace) -> int:
         message = message_class()
         fill_message(message, values, lambda: node.get_clock().now().to_msg())
         topic = full_name(node, args.topic_name)
-        publisher = node.create_publisher(message_class, topic, publisher_profile(args))
+        publisher = node.create_publisher(message_class, topic, profile_from_flags(args))
         _wait_for_subscriptions(node, publisher, wanted, args.max_wait_time_secs)
         print("publisher: beginning loop", flush=True)
         count = 0

@@ -9,11 +9,23 @@ from collections.abc import Callable
 SECOND = 1_000_000_000  # ns
 
 
-class PlaybackClock:
-    """Bag time in nanoseconds. `rate` is bag seconds a second; `steady` tells a steady time in nanoseconds."""
+Wait = Callable[[threading.Condition, float | None], object]
 
-    def __init__(self, rate: float, paused: bool = False, steady: Callable[[], int] = time.monotonic_ns) -> None:
-        self._rate, self._paused, self._steady = rate, paused, steady
+
+class PlaybackClock:
+    """Bag time in nanoseconds. `rate` is bag seconds a second.
+
+    `steady` tells a steady time in nanoseconds, and `wait` waits on a condition for some of its seconds.
+    """
+
+    def __init__(
+        self,
+        rate: float,
+        paused: bool = False,
+        steady: Callable[[], int] = time.monotonic_ns,
+        wait: Wait = threading.Condition.wait,
+    ) -> None:
+        self._rate, self._paused, self._steady, self._wait = rate, paused, steady, wait
         self._changed = threading.Condition()
         self._bag_anchor, self._steady_anchor = 0, steady()
 
@@ -48,5 +60,5 @@ class PlaybackClock:
                 timeout = None if self._paused else left / self._rate / SECOND
                 if at_most is not None:
                     timeout = at_most if timeout is None else min(at_most, timeout)
-                self._changed.wait(timeout)
+                self._wait(self._changed, timeout)
             return not self._paused and self.now() >= bag_time

@@ -15,12 +15,12 @@ from rclpy.duration import Duration
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.publisher import Publisher
-from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 
 from ros2cli_small.bag.keyboard import key_presses
 from ros2cli_small.bag.playback_clock import SECOND, PlaybackClock
-from ros2cli_small.bag.qos import DEPTH, is_latched, profile_from_offers
+from ros2cli_small.bag.qos import profile_from_offers
 from ros2cli_small.bag.reader import Bag, warn
 from ros2cli_small.errors import CommandError
 from ros2cli_small.graph import full_name, load_type
@@ -44,7 +44,7 @@ class Player:
     ) -> None:
         self._node, self._bag = node, bag
         self._clock = PlaybackClock(rate, paused)
-        self._ticks = _ClockTopic(node, self._clock, clock_rate) if clock_rate else None
+        self._ticks = ClockTicks(_clock_publisher(node), self._clock, clock_rate) if clock_rate else None
         self._publishers = self._create_publishers(topics, overrides)
         self._offer_service("Pause", lambda: self._set_paused(True))
         self._offer_service("Resume", lambda: self._set_paused(False))
@@ -73,10 +73,14 @@ class Player:
 
     def _publish_latched(self, start: int) -> None:
         """Publish what a node that came at `start` would still have got."""
-        latched = {name for name in self._publishers if is_latched(self._bag.topics[name].offers)}
+        latched = {
+            name: publisher.qos_profile.depth
+            for name, publisher in self._publishers.items()
+            if publisher.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
+        }
         if start <= self._bag.start or not latched:
             return
-        kept = {name: deque[bytes](maxlen=max(DEPTH, self._publishers[name].qos_profile.depth)) for name in latched}
+        kept = {name: deque[bytes](maxlen=depth) for name, depth in latched.items()}
         for topic, _, data in self._bag.messages(latched, None, start):
             kept[topic].append(data)
         for topic, messages in kept.items():
@@ -98,7 +102,7 @@ class Player:
             except CommandError:
                 unknown.append(topic)
                 continue
-            profile = overrides.get(topic.name) or profile_from_offers(topic.offers)
+            profile = overrides.get(topic.name) or profile_from_offers(topic.name, topic.offers)
             publishers[topic.name] = self._node.create_publisher(message_class, topic.name, profile)
         if unknown and not publishers:
             types = ", ".join(sorted({topic.type for topic in unknown}))
@@ -140,19 +144,38 @@ class Player:
             thread.join()
 
 
-class _ClockTopic:
-    """Publishes the bag's time at a steady rate in Hz, also while the bag is paused."""
+class ClockTicks:
+    """Publishes the bag's time at a steady rate in Hz, also while the bag is paused.
 
-    def __init__(self, node: Node, clock: PlaybackClock, rate: float) -> None:
-        best_effort = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
-        self._publisher = node.create_publisher(Clock, CLOCK_TOPIC, best_effort)
-        self._clock, self._period, self._next = clock, 1.0 / rate, time.monotonic()
+    `publish` takes nanoseconds; `steady` tells a steady time in seconds.
+    """
+
+    def __init__(
+        self,
+        publish: Callable[[int], None],
+        clock: PlaybackClock,
+        rate: float,
+        steady: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._publish, self._clock, self._period, self._steady = publish, clock, 1.0 / rate, steady
+        self._next = steady()
 
     def publish_when_due(self) -> float:
         """Publish if it is time, and return in how many seconds it is time again."""
-        now = time.monotonic()
+        now = self._steady()
         if now >= self._next:
-            seconds, nanoseconds = divmod(self._clock.now(), SECOND)
-            self._publisher.publish(Clock(clock=Time(sec=seconds, nanosec=nanoseconds)))
+            self._publish(self._clock.now())
             self._next = max(self._next + self._period, now)
         return max(0.0, self._next - now)
+
+
+def _clock_publisher(node: Node) -> Callable[[int], None]:
+    """Return what publishes a time in nanoseconds on /clock."""
+    best_effort = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+    publisher = node.create_publisher(Clock, CLOCK_TOPIC, best_effort)
+
+    def publish(nanoseconds: int) -> None:
+        seconds, rest = divmod(nanoseconds, SECOND)
+        publisher.publish(Clock(clock=Time(sec=seconds, nanosec=rest)))
+
+    return publish

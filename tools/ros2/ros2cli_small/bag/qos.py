@@ -18,6 +18,7 @@ from rclpy.qos import (
 )
 from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 
+from ros2cli_small.bag.reader import warn
 from ros2cli_small.errors import CommandError
 
 DEPTH = 10  # messages kept for a publisher whose depth the bag does not know
@@ -30,6 +31,7 @@ _POLICIES = {
     "liveliness": LivelinessPolicy,
 }
 _DURATIONS = ("deadline", "lifespan", "liveliness_lease_duration")
+_DECISIVE = ("reliability", "durability", "deadline", "liveliness", "liveliness_lease_duration")
 _PLAIN = {"depth": int, "avoid_ros_namespace_conventions": bool}
 
 
@@ -48,29 +50,29 @@ def offer_from_profile(profile: QoSProfile) -> Qos:
     )
 
 
-def profile_from_offers(offers: Sequence[Qos]) -> QoSProfile:
-    """Return a profile that serves whoever the recorded publishers served: the strongest of what they offered.
+def profile_from_offers(topic: str, offers: Sequence[Qos]) -> QoSProfile:
+    """Return the profile that all recorded publishers had, or the default one with a warning where they differ.
 
-    Without recorded offers it is reliable and volatile. Time limits hold only where all publishers had the same.
+    Without recorded offers it is the default one too: reliable and volatile. Histories and lifespans may differ.
     """
-    latched = is_latched(offers)
-    best_effort = bool(offers) and all(offer.reliability == QosReliability.BEST_EFFORT for offer in offers)
-    profile = QoSProfile(
-        depth=max(DEPTH, len(offers)),  # as many latched messages as there were publishers
-        reliability=ReliabilityPolicy.BEST_EFFORT if best_effort else ReliabilityPolicy.RELIABLE,
-        durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
-    )
+    profile = QoSProfile(depth=max(DEPTH, len(offers)))  # as many latched messages as there were publishers
+    if not offers:
+        return profile
+    first = offers[0]
+    if any(getattr(offer, name) != getattr(first, name) for offer in offers for name in _DECISIVE):
+        warn(
+            f"The recorded publishers of '{topic}' had different QoS: it is played reliable and volatile; "
+            "--qos-profile-overrides-path chooses otherwise"
+        )
+        return profile
+    if first.reliability == QosReliability.BEST_EFFORT:
+        profile.reliability = ReliabilityPolicy.BEST_EFFORT
+    if first.durability == QosDurability.TRANSIENT_LOCAL:
+        profile.durability = DurabilityPolicy.TRANSIENT_LOCAL
     for name in _DURATIONS:
-        limits = {getattr(offer, name) for offer in offers}
-        if len(limits) == 1:
-            limit = limits.pop()
-            setattr(profile, name, Duration(nanoseconds=limit.sec * NANOSECONDS + limit.nsec))
+        limit = getattr(first, name)
+        setattr(profile, name, Duration(nanoseconds=limit.sec * NANOSECONDS + limit.nsec))
     return profile
-
-
-def is_latched(offers: Sequence[Qos]) -> bool:
-    """Whether a publisher kept its messages for those who subscribe later."""
-    return any(offer.durability == QosDurability.TRANSIENT_LOCAL for offer in offers)
 
 
 def read_overrides(path: str | None) -> dict[str, QoSProfile]:

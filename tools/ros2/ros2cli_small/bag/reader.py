@@ -13,6 +13,7 @@ import yaml
 from rosbags.interfaces import Connection, ConnectionExtRosbag2, Qos
 from rosbags.rosbag2 import Reader
 
+from ros2cli_small.bag import limits
 from ros2cli_small.bag.salvage import TornFile
 from ros2cli_small.errors import CommandError
 
@@ -75,12 +76,18 @@ class Bag:
 @contextmanager
 def open_bag(path: Path, storage: str | None = None) -> Iterator[Bag]:
     """Open a bag's folder, or one of its files; a torn one opens as far as it goes, with a warning."""
-    if not path.exists():
-        raise CommandError(f"Bag path '{path}' does not exist!")
+    limits.guard_library()
     try:
-        bag = _open_whole(path)
-    except Exception as error:  # as above
-        bag = _open_torn(path, _line(error))
+        for file in _storage_files(path):
+            limits.check_file(file)
+        try:
+            bag = _open_whole(path)
+        except limits.TooMuch:
+            raise
+        except Exception as error:  # as above
+            bag = _open_torn(path, _line(error))
+    except (limits.TooMuch, OSError) as error:
+        raise CommandError(f"Cannot read bag '{path}': {_line(error)}") from None
     try:
         if storage not in (None, bag.storage):
             raise CommandError(f"Bag '{path}' is stored as {bag.storage or 'nothing known'}, not as {storage}")
@@ -99,6 +106,8 @@ def _open_whole(path: Path) -> Bag:
         raise FileNotFoundError("it has no metadata.yaml")
     reader = Reader(path)
     reader.open()
+    for storage in getattr(reader.storage, "storages", [reader.storage]):
+        limits.check_overlap(getattr(storage, "chunks", ()))
     files = [path]
     if path.is_dir():
         metadata = yaml.safe_load((path / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
@@ -108,8 +117,7 @@ def _open_whole(path: Path) -> Bag:
 
 def _open_torn(path: Path, reason: str) -> Bag:
     """Open what can be read of a bag that does not open; `reason` says why it does not."""
-    found = path.iterdir() if path.is_dir() else [path]
-    files = sorted((file for file in found if file.suffix in STORAGES), key=lambda file: (len(file.name), file.name))
+    files = _storage_files(path)
     try:
         compressed = "compression_mode: message" in (path / "metadata.yaml").read_text().lower()
     except OSError:
@@ -123,14 +131,22 @@ def _open_torn(path: Path, reason: str) -> Bag:
     return bag
 
 
+def _storage_files(path: Path) -> list[Path]:
+    """Return the files of a bag that hold messages, in their order."""
+    found = path.iterdir() if path.is_dir() else [path]
+    return sorted((file for file in found if file.suffix in STORAGES), key=lambda file: (len(file.name), file.name))
+
+
 def _part(file: Path) -> Any:
     try:
-        if (
-            file.suffix == ".mcap"
-        ):  # of SQLite's files the library would not see what a killed recorder left beside them
+        # Of SQLite's files the library would not see what a killed recorder left beside them.
+        if file.suffix == ".mcap":
             reader = Reader(file)
             reader.open()
+            limits.check_overlap(getattr(reader.storage, "chunks", ()))
             return reader
+    except limits.TooMuch:
+        raise
     except Exception:  # as above
         pass
     return TornFile(file)

@@ -9,23 +9,27 @@ import time
 from pathlib import Path
 from typing import Any
 
+from ros2cli_small.bag.info import STORAGE_NAMES as STORAGES
 from ros2cli_small.errors import CommandError
 
-STORAGES = ("mcap", "sqlite3")
 MINIMUM_FILE_SIZE = 86016  # bytes; the real command's, from SQLite's pages
 
 
 def add_parser(verbs: Any) -> None:
     """Add `bag record` to the command line."""
     parser = verbs.add_parser("record", help="Record ROS data to a bag")
-    parser.add_argument("topics_positional", nargs="*", metavar="topic", help="Topics to record")
-    parser.add_argument("--topics", nargs="+", default=[], metavar="topic", help="Space-delimited list of topics")
+    named = parser.add_mutually_exclusive_group()
+    named.add_argument(
+        "topics_positional", nargs="*", default=[], metavar="topic", help="Topics to record (deprecated)"
+    )
+    named.add_argument("--topics", nargs="+", default=[], metavar="topic", help="Space-delimited list of topics")
     parser.add_argument("-a", "--all", action="store_true", help="Record all topics but hidden ones")
+    parser.add_argument("--all-topics", action="store_true", help="The same: services are not recorded here")
     parser.add_argument("-e", "--regex", default="", help="Record topics containing this regular expression")
     parser.add_argument(
         "-o", "--output", help="Destination of the bag to create, defaults to a timestamped folder in the current one"
     )
-    parser.add_argument("-s", "--storage", default="mcap", help="Storage identifier: mcap (default) or sqlite3")
+    parser.add_argument("-s", "--storage", default="mcap", choices=STORAGES, help="Storage identifier (default: mcap)")
     parser.add_argument(
         "-b",
         "--max-bag-size",
@@ -46,10 +50,8 @@ def add_parser(verbs: Any) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Record until Ctrl-C or SIGTERM, both of which are a clean end."""
-    if not (args.all or args.regex or args.topics or args.topics_positional):
-        raise CommandError("[ERROR] [ros2bag]: Must specify topics, --all or --regex")
-    if args.storage not in STORAGES:
-        raise CommandError(f"[ERROR] [ros2bag]: Unknown storage '{args.storage}': choose mcap or sqlite3")
+    if not (args.all or args.all_topics or args.regex or args.topics or args.topics_positional):
+        raise CommandError("[ERROR] [ros2bag]: Must specify --topics, --all, --all-topics or --regex")
     if 0 < args.max_bag_size < MINIMUM_FILE_SIZE or min(args.max_bag_size, args.max_bag_duration) < 0:
         raise CommandError(f"[ERROR] [ros2bag]: Files split at {MINIMUM_FILE_SIZE} bytes or more, and 1 s or more")
     folder = Path(args.output or time.strftime("rosbag2_%Y_%m_%d-%H_%M_%S"))
@@ -76,7 +78,7 @@ def main(args: argparse.Namespace) -> int:
         names = frozenset(full_name(node, name) for name in (*args.topics, *args.topics_positional))
         limits = SplitLimits(args.max_bag_size, args.max_bag_duration * 10**9)
         writer = BagWriter(folder, args.storage, limits, custom_data)
-        Recorder(node, writer, Selection(names, args.all, regex), overrides).run(lambda: ended)
+        Recorder(node, writer, Selection(names, args.all or args.all_topics, regex), overrides).run(lambda: ended)
     return 0
 
 

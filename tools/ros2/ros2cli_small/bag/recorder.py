@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import time
-from argparse import Namespace
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
@@ -19,17 +18,13 @@ from ros2cli_small.bag.qos import offer_from_profile
 from ros2cli_small.bag.type_definitions import type_definition
 from ros2cli_small.bag.writer import BagWriter, RecordedTopic
 from ros2cli_small.errors import CommandError
-from ros2cli_small.graph import load_type
-from ros2cli_small.qos import subscriber_profile
-from ros2cli_small.topic_list import is_hidden
+from ros2cli_small.graph import is_hidden, load_type
+from ros2cli_small.qos import fit_publishers
 
 POLL_PERIOD = 0.1  # s, between looks for new topics
 FLUSH_PERIOD = 1.0  # s; what a killed recorder loses at most
 DRAIN_TIME = 2.0  # s, at most, for what had arrived when the end came
 DEPTH = 100  # messages that may wait while the disk is busy
-_FIT_PUBLISHERS = Namespace(
-    qos_profile=None, qos_depth=DEPTH, qos_history=None, qos_reliability=None, qos_durability=None
-)
 
 
 @dataclass(frozen=True)
@@ -105,7 +100,7 @@ class Recorder:
         offers = tuple(offer_from_profile(info.qos_profile) for info in publishers)
         type_hash = str(publishers[0].topic_type_hash)
         self._writer.add_topic(RecordedTopic(topic, kind, type_definition(kind), type_hash, offers))
-        profile = self._overrides.get(topic) or subscriber_profile(self._node, topic, _FIT_PUBLISHERS)
+        profile = self._overrides.get(topic) or fit_publishers(self._node, topic, QoSProfile(depth=DEPTH))
         self._node.create_subscription(message_class, topic, partial(self._write, topic), profile, raw=True)
         self._node.get_logger().info(f"Subscribed to topic '{topic}'")
 
