@@ -1,0 +1,104 @@
+"""One camera's colour, aligned depth and intrinsics as they come over ROS, matched by their stamps."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import NamedTuple
+
+from rclpy.node import Node
+from sensor_msgs.msg import CameraInfo, Image
+
+from cliport_core import topics
+from cliport_core.adaptive_subscription import AdaptiveSubscription
+from cliport_core.errors import CoreError, ImageError
+from cliport_core.raw_header import header_of_raw
+from cliport_core.sync import ApproximateSync
+
+SLOP_S = 0.02  # stamps that differ by no more are of one frame [s]
+_TOPICS = {"color": topics.COLOR, "depth": topics.DEPTH, "camera_info": topics.CAMERA_INFO}
+
+
+class RawReceived(NamedTuple):
+    """A serialized message and when it came [ns, ROS time]."""
+
+    data: bytes
+    received_ns: int
+
+
+class RawFrame(NamedTuple):
+    """Serialized messages of one moment: Image, Image and CameraInfo. stamp_ns and frame_id are the depth image's."""
+
+    color: RawReceived
+    depth: RawReceived
+    camera_info: RawReceived
+    stamp_ns: int
+    frame_id: str
+
+
+class RgbdInput:
+    """Subscribes to a camera and hands on frames, undecoded, so that a frame which nobody wants costs little."""
+
+    def __init__(
+        self,
+        node: Node,
+        on_frame: Callable[[RawFrame], None],
+        on_fault: Callable[[str], None],
+        on_message: Callable[[str], None] = lambda stream: None,
+        slop_s: float = SLOP_S,
+    ) -> None:
+        """Subscribe to the camera's topics.
+
+        on_fault: told why a match cannot be used, in one line; CoreError raised by on_frame ends there too.
+        on_message: called with the stream's name, color, depth or camera_info, at every message.
+        """
+        self._on_frame, self._on_fault, self._on_message = on_frame, on_fault, on_message
+        self._now_ns = lambda: int(node.get_clock().now().nanoseconds)
+        self._sync: ApproximateSync[RawReceived] = ApproximateSync(("color", "depth"), int(slop_s * 1e9))
+        self._info: RawReceived | None = None
+        self.subscriptions = {
+            stream: AdaptiveSubscription(
+                node,
+                CameraInfo if stream == "camera_info" else Image,
+                topic,
+                self._take_info if stream == "camera_info" else partial(self._take_image, stream),
+                raw=True,
+            )
+            for stream, topic in _TOPICS.items()
+        }
+
+    @property
+    def topic_names(self) -> dict[str, str]:
+        """The topic of each stream after remapping."""
+        return {stream: subscription.topic_name for stream, subscription in self.subscriptions.items()}
+
+    def adapt(self) -> None:
+        """Become reliable or best effort as the camera's publishers are; call now and then."""
+        for subscription in self.subscriptions.values():
+            subscription.adapt()
+
+    def take_counts(self) -> tuple[int, int]:
+        """Return the numbers of matches made and of images dropped since the last call."""
+        return self._sync.take_counts()
+
+    def _take_info(self, raw: bytes) -> None:
+        self._on_message("camera_info")
+        self._info = RawReceived(raw, self._now_ns())
+
+    def _take_image(self, stream: str, raw: bytes) -> None:
+        self._on_message(stream)
+        try:
+            match = self._sync.add(stream, header_of_raw(raw)[0], RawReceived(raw, self._now_ns()))
+            if match is not None:
+                self._on_frame(self._frame(match["color"], match["depth"]))
+        except CoreError as error:
+            self._on_fault(str(error))
+
+    def _frame(self, color: RawReceived, depth: RawReceived) -> RawFrame:
+        if self._info is None:
+            raise ImageError(f"images come, but nothing on {self.subscriptions['camera_info'].topic_name}")
+        stamp_ns, frame = header_of_raw(depth.data)
+        color_frame = header_of_raw(color.data)[1]
+        if color_frame != frame:
+            raise ImageError(f"depth is in frame '{frame}', colour in '{color_frame}': use aligned depth")
+        return RawFrame(color, depth, self._info, stamp_ns, frame)

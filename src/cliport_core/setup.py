@@ -1,0 +1,21 @@
+from setuptools import find_packages, setup
+
+package_name = "cliport_core"
+
+setup(
+    name=package_name,
+    version="0.1.0",
+    packages=find_packages(exclude=["test"]),
+    package_data={package_name: ["py.typed"]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", ["resource/" + package_name]),
+        ("share/" + package_name, ["package.xml"]),
+    ],
+    install_requires=["setuptools"],
+    zip_safe=True,
+    maintainer="CLIPort ROS maintainers",
+    maintainer_email="maintainers@cliport-ros.invalid",
+    description="Poses, workspace, heightmap, the one action and its outcome, topic names, messages, ROS helpers.",
+    license="Apache-2.0",
+    tests_require=["pytest"],
+)
