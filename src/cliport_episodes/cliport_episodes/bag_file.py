@@ -18,14 +18,14 @@ from rosbags.interfaces import (
 )
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, Reader, StoragePlugin, Writer
 
+from cliport_core import topics
 from cliport_episodes.bags import one_line
 from cliport_episodes.disk import move, sync
 from cliport_episodes.errors import BagError
 from cliport_episodes.message_types import definition_and_hash, types_of
-from cliport_episodes.observation import TF_STATIC_TOPIC
 from cliport_episodes.raw import RawMessage
 
-SCRATCH = ".writing"  # the folder within an episode's in which a file is made
+SCRATCH = ".writing"  # subfolder of an episode in which a file is made
 _NO_LIMIT = QosTime(9223372036, 854775807)  # as rosbag2 writes "infinite"
 _LATCHED = Qos(
     history=QosHistory.KEEP_LAST,
@@ -42,7 +42,11 @@ _LATCHED = Qos(
 
 @dataclass(frozen=True)
 class BagTopic:
-    """A topic of one file; type_hash as in REP 2016; offers: empty means ROS's defaults, reliable and volatile."""
+    """A topic of one file.
+
+    type_hash: the hash of the message type as in REP 2016. offers: the publishers' QoS profiles; empty stands for
+    ROS's defaults, reliable and volatile. count: number of messages.
+    """
 
     name: str
     type: str
@@ -53,7 +57,7 @@ class BagTopic:
 
 @dataclass(frozen=True)
 class BagFile:
-    """What a storage file holds; times are when its first and its last message were received [ns]."""
+    """Contents of a storage file; start_ns and end_ns: receipt times of its first and last message [ns]."""
 
     name: str
     start_ns: int
@@ -62,12 +66,14 @@ class BagFile:
 
     @property
     def count(self) -> int:
-        """Messages on all topics."""
+        """Number of messages on all topics."""
         return sum(topic.count for topic in self.topics)
 
 
 def write_bag_file(path: Path, messages: Sequence[RawMessage]) -> BagFile:
-    """Write messages, which are not empty, to a new MCAP file that is complete and on the disk when it has its name.
+    """Write messages, at least one, to a new MCAP file that gets its name once it is complete and on the disk.
+
+    Returns the contents of the new file.
 
     Raises:
         OSError: when the disk refuses; there is no file then.
@@ -98,7 +104,7 @@ def write_bag_file(path: Path, messages: Sequence[RawMessage]) -> BagFile:
         try:
             move(made, path)
         except OSError:
-            path.unlink(missing_ok=True)  # it has its name, and perhaps not for long
+            path.unlink(missing_ok=True)  # the rename may have happened without being on the disk
             raise
         return description
     finally:
@@ -106,24 +112,19 @@ def write_bag_file(path: Path, messages: Sequence[RawMessage]) -> BagFile:
 
 
 def describe(path: Path) -> BagFile:
-    """What a whole file holds.
+    """Return the contents of a complete file.
 
     Raises:
-        BagError: when it is not whole.
+        BagError: when the file is not complete.
     """
     try:
         with Reader(path) as reader:
-            topics = tuple(
-                BagTopic(
-                    each.topic,
-                    each.msgtype,
-                    types_of(each.msgtype, each.msgdef.data).hash_rihs01(each.msgtype),
-                    tuple(each.ext.offered_qos_profiles) if isinstance(each.ext, ConnectionExtRosbag2) else (),
-                    each.msgcount,
-                )
-                for each in reader.connections
-            )
-            return BagFile(path.name, reader.start_time, reader.end_time - 1, topics)
+            topics = []
+            for each in reader.connections:
+                type_hash = types_of(each.msgtype, each.msgdef.data).hash_rihs01(each.msgtype)
+                offers = each.ext.offered_qos_profiles if isinstance(each.ext, ConnectionExtRosbag2) else ()
+                topics.append(BagTopic(each.topic, each.msgtype, type_hash, tuple(offers), each.msgcount))
+            return BagFile(path.name, reader.start_time, reader.end_time - 1, tuple(topics))
     except BagError:
         raise
     except Exception as error:  # the library does not say what a damaged file may raise
@@ -131,5 +132,5 @@ def describe(path: Path) -> BagFile:
 
 
 def is_latched(topic: str) -> bool:
-    """Whether a topic's last message holds until the next, however old it is."""
-    return topic == TF_STATIC_TOPIC
+    """Return True if the topic's last message stays valid until the next one, however old it is."""
+    return topic == topics.TF_STATIC

@@ -21,7 +21,8 @@ _DUMPER = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
 
 def write_metadata(folder: Path, files: Sequence[BagFile], custom_data: Mapping[str, str]) -> None:
     """Replace an episode's metadata.yaml. Raises OSError when the disk refuses; the old one is whole then."""
-    start, end = min((f.start_ns for f in files), default=0), max((f.end_ns for f in files), default=0)
+    start = min((file.start_ns for file in files), default=0)
+    end = max((file.end_ns for file in files), default=0)
     information = {
         "version": 9,
         "storage_identifier": "mcap",
@@ -49,10 +50,10 @@ def write_metadata(folder: Path, files: Sequence[BagFile], custom_data: Mapping[
 
 
 def read_custom_data(folder: Path) -> dict[str, str]:
-    """The `custom_data` of a bag; empty where it has none.
+    """Read the `custom_data` of a bag; empty where it has none.
 
     Raises:
-        BagError: when there is no metadata.yaml, or it is none.
+        BagError: when metadata.yaml is missing or cannot be read as one.
     """
     try:
         document = yaml.load((folder / FILE).read_text(encoding="utf-8"), _LOADER)
@@ -66,9 +67,10 @@ def read_custom_data(folder: Path) -> dict[str, str]:
 
 def _topics(files: Sequence[BagFile]) -> list[dict[str, Any]]:
     counts: dict[BagTopic, int] = {}
-    for topic in (topic for file in files for topic in file.topics):
-        key = BagTopic(topic.name, topic.type, topic.type_hash, topic.offers, 0)
-        counts[key] = counts.get(key, 0) + topic.count
+    for file in files:
+        for topic in file.topics:
+            key = BagTopic(topic.name, topic.type, topic.type_hash, topic.offers, 0)
+            counts[key] = counts.get(key, 0) + topic.count
     return [
         {
             "topic_metadata": {

@@ -9,10 +9,10 @@ from pathlib import Path
 
 from rosbags.rosbag2 import Reader
 
+from cliport_core.torn_bag import whole_messages
 from cliport_episodes.errors import BagError
 from cliport_episodes.message_types import decode
 from cliport_episodes.raw import RawMessage
-from cliport_episodes.salvage import whole_messages
 
 __all__ = ["decode", "read_messages"]
 
@@ -25,8 +25,8 @@ def read_messages(
 ) -> Iterator[RawMessage]:
     """Yield the messages of a bag's folder or of one of its files, in the order of time.
 
-    sqlite3 and MCAP, with the metadata of Humble to Jazzy, or none. Of what is torn or damaged comes what is whole;
-    `complain` is told so in one line. topics: only these; None: all.
+    Reads sqlite3 and MCAP, with the metadata of Humble to Jazzy, or none. Of a torn or damaged bag the whole messages
+    are yielded, and `complain` is called with one line about it. topics: only these; None: all.
 
     Raises:
         BagError: when there is no bag, or nothing in it can be read.
@@ -46,7 +46,7 @@ def read_messages(
 
 
 def one_line(error: BaseException) -> str:
-    """What an error of a library says, as part of a sentence."""
+    """Return the message of a library's error on one line without a full stop, to be part of a sentence."""
     return " ".join(str(error).split()).rstrip(".") or type(error).__name__
 
 
@@ -70,8 +70,11 @@ def _read_open(
 def _read_torn(
     path: Path, topics: Collection[str] | None, complain: Callable[[str], None], reason: str
 ) -> Iterator[RawMessage]:
-    files = [each for each in (path.iterdir() if path.is_dir() else [path]) if each.suffix in _SUFFIXES]
-    parts = [first_and_rest for file in files if (first_and_rest := _begin(file, complain))]
+    parts = []
+    for file in path.iterdir() if path.is_dir() else [path]:
+        first_and_rest = _first_and_rest(file, complain) if file.suffix in _SUFFIXES else None
+        if first_and_rest is not None:
+            parts.append(first_and_rest)
     if not parts or _has_compressed_messages(path):
         raise BagError(f"'{path}' is no bag that can be read: {reason}")
     count = 0
@@ -83,21 +86,22 @@ def _read_torn(
     complain(f"'{path.name}' is not complete ({reason}): its {count} whole messages are used")
 
 
-def _begin(file: Path, complain: Callable[[str], None]) -> tuple[RawMessage, Iterator[RawMessage]] | None:
-    """The first message of a file that may be torn, and those after it; None where there are none."""
-    messages = _part(file, complain)
+def _first_and_rest(file: Path, complain: Callable[[str], None]) -> tuple[RawMessage, Iterator[RawMessage]] | None:
+    """Return the first message of a file that may be torn, and those after it; None where there are none."""
+    messages = _whole_messages_of(file, complain)
     first = next(messages, None)
     return None if first is None else (first, messages)
 
 
-def _part(file: Path, complain: Callable[[str], None]) -> Iterator[RawMessage]:
+def _whole_messages_of(file: Path, complain: Callable[[str], None]) -> Iterator[RawMessage]:
     try:
-        if file.suffix == ".db3":  # of those the library would not see what a killed recorder left beside them
+        if file.suffix == ".db3":  # the library would miss the write-ahead log that a killed recorder left beside it
             raise BagError(f"'{file.name}' may not be complete")
         reader = Reader(file)
         reader.open()
     except Exception:  # as above
-        yield from whole_messages(file)
+        for topic, stamp_ns, data in whole_messages(file):
+            yield RawMessage(topic.name, topic.type, data, stamp_ns, topic.definition)
         return
     try:
         yield from _read_open(reader, None, file.name, complain)

@@ -1,4 +1,4 @@
-"""What all episodes of a data set share: the workspace, the camera, and where it stands."""
+"""The setup that all episodes of a data set share: the workspace, the camera and its pose."""
 
 from __future__ import annotations
 
@@ -9,21 +9,22 @@ from typing import Any
 
 import numpy as np
 
+from cliport_core.errors import CoreError
+from cliport_core.pose import Pose
+from cliport_core.workspace import WorkspaceSpec
 from cliport_episodes.errors import SetupError
 from cliport_perception.camera_model import CameraModel
-from cliport_perception.errors import PerceptionError
-from cliport_perception.pose import Pose
-from cliport_perception.workspace import WorkspaceSpec
 
-MAX_SHIFT = 1e-3  # a camera farther away than this stands elsewhere [m]
-MAX_TURN = math.radians(0.1)  # and one turned by more than this looks elsewhere [rad]
-MAX_INTRINSIC = 0.1  # by which focal lengths and centre may differ [pixels]
-MAX_COEFFICIENT = 1e-4  # by which distortion coefficients may differ
+# Differences up to which two setups count as the same.
+MAX_SHIFT = 1e-3  # of the camera's position [m]
+MAX_TURN = math.radians(0.1)  # of the camera's orientation [rad]
+MAX_INTRINSIC = 0.1  # of focal lengths and centre [pixels]
+MAX_COEFFICIENT = 1e-4  # of distortion coefficients
 
 
 @dataclass(frozen=True, eq=False)
 class CaptureSetup:
-    """camera_frame: the optical frame; camera_in_base: its pose in base_frame."""
+    """Workspace and camera of a recording; camera_frame: the optical frame; camera_in_base: its pose in base_frame."""
 
     workspace: WorkspaceSpec
     camera: CameraModel
@@ -32,7 +33,7 @@ class CaptureSetup:
     camera_in_base: Pose
 
     def differences(self, other: CaptureSetup) -> list[str]:
-        """What differs, in words: "here" is this setup, "there" the other. Empty where data of both can be mixed."""
+        """Return the differences in words, "here" for this setup, "there" for the other; empty: data can be mixed."""
         here, there = self.workspace.to_dict(), other.workspace.to_dict()
         found = [
             f"workspace.{name} {value:g} here, {there[name]:g} there"
@@ -56,7 +57,7 @@ class CaptureSetup:
         return found
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain values, ready for YAML or JSON."""
+        """Return plain values, ready for YAML or JSON."""
         camera = self.camera
         return {
             "workspace": self.workspace.to_dict(),
@@ -77,20 +78,23 @@ class CaptureSetup:
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> CaptureSetup:
-        """The inverse of `to_dict`.
+        """Return the setup of values as `to_dict` gives them.
 
         Raises:
             SetupError: when a value is missing or impossible.
         """
         try:
             camera, pose = values["camera"], values["camera_in_base"]
-            k = [float(v) for v in camera["K"]]
+            fx, _, cx, _, fy, cy = (float(v) for v in camera["K"][:6])
             return cls(
                 workspace=WorkspaceSpec.from_dict(dict(values["workspace"])),
                 camera=CameraModel(
                     int(camera["width"]),
                     int(camera["height"]),
-                    *(k[0], k[4], k[2], k[5]),
+                    fx,
+                    fy,
+                    cx,
+                    cy,
                     distortion_model=str(camera["model"]),
                     distortion=tuple(float(v) for v in camera["D"]),
                 ),
@@ -100,7 +104,7 @@ class CaptureSetup:
             )
         except KeyError as error:
             raise SetupError(f"the setup lacks {error}") from None
-        except (PerceptionError, TypeError, ValueError, IndexError) as error:
+        except (CoreError, TypeError, ValueError, IndexError) as error:
             raise SetupError(f"the setup is not usable: {error}") from None
 
 
@@ -113,8 +117,9 @@ def _camera_differences(here: CameraModel, there: CameraModel) -> list[str]:
         if abs(getattr(here, name) - getattr(there, name)) > MAX_INTRINSIC
     ]
     length = max(len(here.distortion), len(there.distortion))
-    first, second = (np.pad(np.array(c.distortion), (0, length - len(c.distortion))) for c in (here, there))
+    coefficients_here = np.pad(np.array(here.distortion), (0, length - len(here.distortion)))
+    coefficients_there = np.pad(np.array(there.distortion), (0, length - len(there.distortion)))
     other_model = here.is_distorted and here.distortion_model != there.distortion_model
-    if other_model or np.any(np.abs(first - second) > MAX_COEFFICIENT):
+    if other_model or np.any(np.abs(coefficients_here - coefficients_there) > MAX_COEFFICIENT):
         found.append("another lens distortion")
     return found

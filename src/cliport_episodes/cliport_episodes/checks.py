@@ -1,18 +1,18 @@
-"""Whether an episode is all that it should be: everything in it is read once."""
+"""Check of a whole episode: everything in it is read once."""
 
 from __future__ import annotations
 
 from rosbags.rosbag2 import Reader
 
+from cliport_core.errors import CoreError
 from cliport_episodes.bags import one_line
 from cliport_episodes.capture_setup import CaptureSetup
 from cliport_episodes.errors import BagError
 from cliport_episodes.reader import Episode
-from cliport_perception.errors import PerceptionError
 
 
 def check_episode(episode: Episode, setup: CaptureSetup) -> list[str]:
-    """What is amiss, each in a line for a person; empty where nothing is. setup: the data set's."""
+    """Return one line for a person about each defect of an episode; setup: the data set's."""
     found = list(episode.complaints)
     if not episode.steps:
         found.append("it has no step")
@@ -24,13 +24,13 @@ def check_episode(episode: Episode, setup: CaptureSetup) -> list[str]:
             observation = step.observation()
             if observation.heightmap(setup.workspace).valid_fraction == 0.0:
                 found.append(f"step {step.record.step} shows nothing of the workspace")
-        except (BagError, PerceptionError) as error:
+        except (BagError, CoreError) as error:
             found.append(str(error))
     return found + _bag_complaints(episode)
 
 
 def _bag_complaints(episode: Episode) -> list[str]:
-    """What any other reader of rosbag2 would find."""
+    """Return the defects that any other reader of rosbag2 would find."""
     try:
         with Reader(episode.path) as reader:
             times = [time for _, time, _ in reader.messages()]

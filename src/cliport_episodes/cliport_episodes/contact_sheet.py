@@ -1,4 +1,4 @@
-"""All steps of an episode in one picture, with what was chosen in each."""
+"""Contact sheet: all steps of an episode in one picture, with the pick and place of each."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from cliport_core.pose import PlanarPose
 from cliport_episodes.demonstration import PixelBox
 from cliport_episodes.drawing import FAINT, INK, PICK_COLOR, PLACE_COLOR, Color, Picture, save_png, write_text
 from cliport_episodes.errors import BagError
 from cliport_episodes.observation import Observation
 from cliport_episodes.reader import Episode, Step
-from cliport_perception.pose import PlanarPose
 
-_WIDTH = 480  # of one step [pixels]
+_WIDTH = 480  # width of one step [pixels]
 _CAPTION = 56  # height of the words below it [pixels]
 _COLUMNS = 3
 _REACH = 0.04  # half the length of the bar that shows a yaw [m]
@@ -47,7 +47,7 @@ def draw_contact_sheet(episode: Episode, path: Path) -> None:
 def _step_cell(step: Step, height: int) -> Picture:
     record = step.record
     words = f"{record.step}  {record.instruction}"
-    details = f"{record.primitive.name.lower()}, {record.source.name.lower()}, {record.ending}"
+    details = f"{record.action.primitive.label}, {record.source.name.lower()}, {record.ending}"
     try:
         observation = step.observation()
     except BagError as error:
@@ -55,8 +55,8 @@ def _step_cell(step: Step, height: int) -> Picture:
     picture = _scaled(observation.color, height)
     scale = _WIDTH / observation.camera.width
     for box, pose, color in (
-        (record.pick_box, record.pick, PICK_COLOR),
-        (record.place_box, record.place, PLACE_COLOR),
+        (record.pick_box, record.action.pick, PICK_COLOR),
+        (record.place_box, record.action.place, PLACE_COLOR),
     ):
         if box is not None:
             _draw_box(picture, box, scale, color)
@@ -65,8 +65,9 @@ def _step_cell(step: Step, height: int) -> Picture:
 
 
 def _draw_box(picture: Picture, box: PixelBox, scale: float, color: Color) -> None:
-    left, top, right, bottom = (round(v * scale) for v in (box.left, box.top, box.right, box.bottom))
-    cv2.rectangle(picture, (left, top), (right, bottom), color, 2)
+    top_left = round(box.left * scale), round(box.top * scale)
+    bottom_right = round(box.right * scale), round(box.bottom * scale)
+    cv2.rectangle(picture, top_left, bottom_right, color, 2)
 
 
 def _draw_pose(

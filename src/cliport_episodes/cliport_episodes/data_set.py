@@ -14,7 +14,7 @@ from cliport_episodes.capture_setup import CaptureSetup
 from cliport_episodes.data_set_file import FILE, read_setup, write_setup
 from cliport_episodes.disk import UNFINISHED, copy_folder, disk_errors, move
 from cliport_episodes.edits import Edits
-from cliport_episodes.episode_folder import EPISODES, TRASH, change_edits, free_path, locked, step_paths
+from cliport_episodes.episode_folder import EPISODES, TRASH, UNDONE, change_edits, locked, step_paths, unused_path
 from cliport_episodes.errors import DataSetError, EpisodeError, SetupDiffersError
 from cliport_episodes.names import check_instruction, check_name
 from cliport_episodes.reader import Episode, read_episode
@@ -26,14 +26,14 @@ __all__ = ["DataSet", "draw_statistics"]
 
 
 class DataSet:
-    """A data set on the disk. What is edited is in the episodes' metadata.yaml; raw files are never changed.
+    """A data set on the disk. Edits are kept in the episodes' metadata.yaml; raw files are never changed.
 
     Every method that takes an episode's name raises BadNameError, or EpisodeError where there is none; those that
     change something raise EpisodeBusyError while it is being recorded, and DiskError.
     """
 
     def __init__(self, path: Path, setup: CaptureSetup) -> None:
-        """Use `create`, `open` or `open_or_create`."""
+        """Prefer `create`, `open` or `open_or_create`."""
         self.path, self.setup = path, setup
         self._index = EpisodeIndex(path / "index.json")
 
@@ -48,12 +48,12 @@ class DataSet:
 
     @classmethod
     def open(cls, path: Path) -> DataSet:
-        """Raises DataSetError when there is none."""
+        """Open an existing data set. Raises DataSetError when there is none."""
         return cls(path, read_setup(path))
 
     @classmethod
     def open_or_create(cls, path: Path, setup: CaptureSetup) -> DataSet:
-        """Go on with a data set, or begin it.
+        """Open a data set, or create it where there is none.
 
         Raises:
             SetupDiffersError: when it was recorded with another camera, calibration or workspace.
@@ -68,21 +68,21 @@ class DataSet:
 
     @property
     def name(self) -> str:
-        """The folder's name."""
+        """Name of the folder."""
         return self.path.resolve().name
 
     def episodes(self) -> list[EpisodeInfo]:
-        """All episodes, the oldest first."""
+        """Return all episodes, the oldest first."""
         return self._index.refresh(self._folders(EPISODES))
 
     def rebuild_index(self) -> list[EpisodeInfo]:
-        """As `episodes`, with everything read from the bags."""
+        """Make the index anew from the bags; return all episodes, the oldest first."""
         with disk_errors(self.path):
             self._index.forget()
         return self.episodes()
 
     def episode(self, name: str) -> Episode:
-        """An episode, to look through."""
+        """Read an episode."""
         return read_episode(self._folder(name))
 
     def relabel(self, name: str, text: str, step: int | None = None) -> None:
@@ -95,16 +95,21 @@ class DataSet:
         self._edit(name, lambda edits: replace(edits, instructions={**edits.instructions, **labels}))
 
     def mark(self, name: str, success: bool | None) -> None:
-        """Say whether an episode shows what its instructions ask for; None: not judged."""
+        """Record whether an episode shows what its instructions ask for; None: not judged."""
         self._edit(name, lambda edits: replace(edits, success=success))
 
     def trim(self, name: str, first: int | None, last: int | None) -> None:
-        """Let only the steps first..last count, by their numbers as recorded; None: from the beginning, to the end."""
+        """Keep only the steps first..last, by their numbers as recorded; None: from the beginning, to the end.
+
+        A bound that cuts nothing off is not kept, so that the episode can go on after its last step.
+        """
         numbers = step_paths(self._folder(name))
         if not any(Edits(first=first, last=last).keeps(number) for number in numbers):
             raise EpisodeError(f"trimming episode '{name}' so would leave no step: it has {_span(numbers)}")
         if first is not None and first < 0:
             raise EpisodeError(f"episode '{name}' has no step {first}: it has {_span(numbers)}")
+        first = first if first is not None and first > min(numbers) else None
+        last = last if last is not None and last < max(numbers) else None
         self._edit(name, lambda edits: replace(edits, first=first, last=last))
 
     def delete(self, name: str) -> None:
@@ -112,10 +117,10 @@ class DataSet:
         folder = self._folder(name)
         with locked(folder), disk_errors(folder):
             (self.path / TRASH).mkdir(exist_ok=True)
-            move(folder, free_path(self.path / TRASH, name))
+            move(folder, unused_path(self.path / TRASH, name))
 
     def trashed(self) -> list[str]:
-        """The names of the episodes in the trash."""
+        """Return the names of the episodes in the trash."""
         return [folder.name for folder in self._folders(TRASH)]
 
     def restore(self, name: str) -> None:
@@ -131,37 +136,43 @@ class DataSet:
             move(folder, target)
 
     def empty_trash(self) -> int:
-        """Remove what is in the trash for good; returns how many episodes that were. Raises DiskError."""
+        """Remove trashed episodes and undone steps for good; return the number of episodes. Raises DiskError."""
         folders = self._folders(TRASH)
         with disk_errors(self.path / TRASH):
-            for folder in folders:
+            for folder in [*folders, *self._folders(UNDONE)]:
                 shutil.rmtree(folder)
         return len(folders)
 
+    def undone_steps(self) -> int:
+        """Return the number of undone steps, which are kept until the trash is emptied."""
+        return sum(1 for folder in self._folders(UNDONE) for _ in folder.iterdir())
+
     def statistics(self) -> Statistics:
-        """What its steps show and what they do not."""
+        """Return counts over the steps."""
         return count_statistics(self.episodes(), self.setup.workspace)
 
     def merge(self, other: Path) -> list[str]:
-        """Add the episodes of another data set, which stays as it is; returns the names that they have here.
+        """Add the episodes of another data set, which is left unchanged; return the names of those that were added.
 
-        What is here already, file by file, is not added again; one that only has a name in common gets another.
+        An episode that is here already, file by file, is not added again; one that shares only its name with an
+        episode here gets another name.
 
         Raises:
             SetupDiffersError: when the other was recorded with another setup.
-            DataSetError: when it is none, or this one; EpisodeBusyError, DiskError.
+            DataSetError: when the folder is no data set, or this one; EpisodeBusyError, DiskError.
         """
         source = DataSet.open(other)
         if source.path.resolve() == self.path.resolve():
             raise DataSetError(f"data set '{self.name}' cannot be merged with itself: name another")
         if differences := source.setup.differences(self.setup):
             raise SetupDiffersError(self.name, differences)
-        return [added for folder in source._folders(EPISODES) if (added := self._add(folder))]
+        added = [self._add(folder) for folder in source._folders(EPISODES)]
+        return [name for name in added if name is not None]
 
     def split(self, parts: Mapping[str, float], seed: int) -> dict[str, DataSet]:
-        """Deal the episodes out to new data sets `<this>_<part>` beside this one, which stays as it is.
+        """Split the episodes at random into new data sets `<this>_<part>` beside this one, which is left unchanged.
 
-        parts: a share of 1 for each, or the number of episodes; seed: of the order in which they are dealt out.
+        parts: by name, each one's share (at most 1 in all) or its number of episodes; seed: for the random order.
 
         Raises:
             DataSetError: when there are too few episodes, or one of the data sets exists; BadNameError, DiskError.
@@ -177,10 +188,10 @@ class DataSet:
                 raise DataSetError(f"'{target.name}' exists: move it away, or name the parts otherwise")
         order = iter(np.random.default_rng(seed).permutation(len(folders)))
         for part, target in targets.items():
-            self._deal([folders[next(order)] for _ in range(counts[part])], target)
+            self._write_part([folders[next(order)] for _ in range(counts[part])], target)
         return {part: DataSet.open(target) for part, target in targets.items()}
 
-    def _deal(self, folders: list[Path], target: Path) -> None:
+    def _write_part(self, folders: list[Path], target: Path) -> None:
         new = target.with_name(f".{target.name}{UNFINISHED}")
         shutil.rmtree(new, ignore_errors=True)
         try:
@@ -194,12 +205,14 @@ class DataSet:
             shutil.rmtree(new, ignore_errors=True)
 
     def _add(self, folder: Path) -> str | None:
-        """Copy an episode from elsewhere; returns its name here, or None when it is here already."""
+        """Copy an episode from elsewhere; return its name here, or None when it is here already."""
         target = self.path / EPISODES / folder.name
         if target.is_dir():
-            if _same_files(folder, target):
+            # an episode that was merged before has its own name here, or that with a number
+            named_alike = [here for here in self._folders(EPISODES) if f"{here.name}-".startswith(f"{folder.name}-")]
+            if any(_same_files(folder, here) for here in named_alike):
                 return None
-            target = free_path(self.path / EPISODES, folder.name)
+            target = unused_path(self.path / EPISODES, folder.name)
         with locked(folder), disk_errors(target):
             copy_folder(folder, target)
         return target.name
@@ -233,7 +246,7 @@ def _span(numbers: Mapping[int, Path]) -> str:
 
 
 def _counts(parts: Mapping[str, float], available: int) -> dict[str, int]:
-    """How many episodes each part gets. Raises DataSetError."""
+    """Return the number of episodes of each part. Raises DataSetError."""
     total = sum(parts.values())
     are_counts = all(float(value).is_integer() for value in parts.values()) and total > 1
     if not all(value > 0 for value in parts.values()) or not parts or (not are_counts and total > 1 + 1e-9):

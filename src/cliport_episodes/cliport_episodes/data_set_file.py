@@ -15,7 +15,7 @@ FORMAT = 1
 
 
 def write_setup(data_set: Path, setup: CaptureSetup) -> None:
-    """Make a folder a data set. Raises DiskError."""
+    """Write dataset.yaml, which makes a folder a data set. Raises DiskError."""
     text = yaml.safe_dump({"format": FORMAT, **setup.to_dict()}, sort_keys=False)
     with disk_errors(data_set):
         data_set.mkdir(parents=True, exist_ok=True)
@@ -24,10 +24,10 @@ def write_setup(data_set: Path, setup: CaptureSetup) -> None:
 
 
 def read_setup(data_set: Path) -> CaptureSetup:
-    """The setup of a data set.
+    """Read the setup of a data set.
 
     Raises:
-        DataSetError: when the folder is none, or of a later format.
+        DataSetError: when the folder is no data set, or one of a later format.
     """
     try:
         values = yaml.safe_load((data_set / FILE).read_text(encoding="utf-8"))

@@ -1,4 +1,4 @@
-"""A step's record as the messages that a bag holds, and back."""
+"""Conversion between a step's record and the messages that a bag holds."""
 
 from __future__ import annotations
 
@@ -6,31 +6,31 @@ import math
 from dataclasses import astuple
 from typing import Any
 
+from cliport_core import topics
+from cliport_core.action import PickPlaceAction, Primitive
+from cliport_core.outcome import ActionResult, Outcome
+from cliport_core.pose import PlanarPose
 from cliport_episodes.demonstration import PixelBox, Source, StepRecord
 from cliport_episodes.errors import BagError, RecordError
 from cliport_episodes.message_types import DEMONSTRATION, decode, encode, make, make_header, stamp_of
 from cliport_episodes.raw import RawMessage
-from cliport_perception.pose import PlanarPose, Pose
-from cliport_perception.primitive import Primitive
 
-INSTRUCTION_TOPIC = "/cliport/instruction"
-PICK_TOPIC = "/cliport/pick_pose"
-PLACE_TOPIC = "/cliport/place_pose"
-DEMONSTRATION_TOPIC = "/cliport/demonstration"
-RECORD_TOPICS = (INSTRUCTION_TOPIC, PICK_TOPIC, PLACE_TOPIC, DEMONSTRATION_TOPIC)
+RECORD_TOPICS = (topics.INSTRUCTION, topics.PICK_POSE, topics.PLACE_POSE, topics.DEMONSTRATION)
 
 
 def messages_from_record(record: StepRecord, stamp_ns: int) -> list[RawMessage]:
-    """The messages that say what was done, as received at `stamp_ns`; the Demonstration comes last."""
+    """Return the messages of a step's record, received at `stamp_ns` [ns]; the Demonstration comes last."""
     header = make_header(record.stamp_ns, record.frame_id)
-    pick, place = _pose_message(record.pick), _pose_message(record.place)
-    centroid = record.grasp_centroid or (0.0, 0.0, 0.0)
+    action = record.action
+    pick, place = _pose_message(action.pick), _pose_message(action.place)
+    result = record.result or ActionResult(Outcome.SUCCEEDED, "")  # not read where `executed` is false
+    centroid = result.grasp_centroid or (0.0, 0.0, 0.0)
     demonstration = make(
         DEMONSTRATION,
         header=header,
         step=record.step,
         instruction=record.instruction,
-        primitive=int(record.primitive),
+        primitive=int(action.primitive),
         source=int(record.source),
         pick_box=_region(record.pick_box),
         place_box=_region(record.place_box),
@@ -39,51 +39,55 @@ def messages_from_record(record: StepRecord, stamp_ns: int) -> list[RawMessage]:
         n_rotations=record.n_rotations,
         pick=pick,
         place=place,
-        executed=record.executed,
-        outcome=record.outcome,
-        message=record.message,
+        executed=record.result is not None,
+        outcome=int(result.outcome),
+        message=result.message,
         grasp_centroid=make("geometry_msgs/msg/Point", x=centroid[0], y=centroid[1], z=centroid[2]),
-        gripper_width=record.gripper_width,
+        gripper_width=result.gripper_width,
     )
     return [
-        encode(INSTRUCTION_TOPIC, make("std_msgs/msg/String", data=record.instruction), stamp_ns),
-        encode(PICK_TOPIC, make("geometry_msgs/msg/PoseStamped", header=header, pose=pick), stamp_ns),
-        encode(PLACE_TOPIC, make("geometry_msgs/msg/PoseStamped", header=header, pose=place), stamp_ns),
-        encode(DEMONSTRATION_TOPIC, demonstration, stamp_ns),
+        encode(topics.INSTRUCTION, make("std_msgs/msg/String", data=record.instruction), stamp_ns),
+        encode(topics.PICK_POSE, make("geometry_msgs/msg/PoseStamped", header=header, pose=pick), stamp_ns),
+        encode(topics.PLACE_POSE, make("geometry_msgs/msg/PoseStamped", header=header, pose=place), stamp_ns),
+        encode(topics.DEMONSTRATION, demonstration, stamp_ns),
     ]
 
 
 def record_from_message(raw: RawMessage) -> StepRecord:
-    """The record in a Demonstration.
+    """Return the record in a Demonstration.
 
     Raises:
-        BagError: when the message is none, or holds values that a demonstration cannot have.
+        BagError: when the message is no Demonstration, or holds values that a demonstration cannot have.
     """
     message = decode(raw)
     try:
-        centroid = message.grasp_centroid
+        action = PickPlaceAction(
+            planar_from_message(message.pick), planar_from_message(message.place), Primitive(message.primitive)
+        )
         return StepRecord(
             step=int(message.step),
             stamp_ns=stamp_of(message),
             frame_id=message.header.frame_id,
             instruction=message.instruction,
-            primitive=Primitive(message.primitive),
             source=Source(message.source),
             pick_box=_box(message.pick_box),
             place_box=_box(message.place_box),
             pick_rotation=int(message.pick_rotation),
             place_rotation=int(message.place_rotation),
             n_rotations=int(message.n_rotations),
-            pick=planar_from_message(message.pick),
-            place=planar_from_message(message.place),
-            executed=bool(message.executed),
-            outcome=int(message.outcome),
-            message=message.message,
-            grasp_centroid=(centroid.x, centroid.y, centroid.z) if any((centroid.x, centroid.y, centroid.z)) else None,
-            gripper_width=message.gripper_width,
+            action=action,
+            result=_result(message) if message.executed else None,
         )
     except (RecordError, AttributeError, TypeError, ValueError) as error:
         raise BagError(f"the demonstration on {raw.topic} is not usable: {error}") from None
+
+
+def _result(message: Any) -> ActionResult:
+    """Return the result in a Demonstration; a centroid at the origin stands for none."""
+    point = message.grasp_centroid
+    centroid = (float(point.x), float(point.y), float(point.z))
+    outcome = Outcome.from_number(int(message.outcome))
+    return ActionResult(outcome, message.message, centroid if any(centroid) else None, float(message.gripper_width))
 
 
 def _region(box: PixelBox | None) -> Any:
@@ -115,6 +119,10 @@ def _pose_message(pose: PlanarPose) -> Any:
 
 
 def planar_from_message(message: Any) -> PlanarPose:
-    """Of a Pose; height, roll and pitch are dropped. Raises ValueError when it has no direction or is not finite."""
+    """Return the planar part of a Pose, without height, roll and pitch.
+
+    Raises:
+        ValueError: when the pose has no direction or is not finite.
+    """
     p, q = message.position, message.orientation
-    return PlanarPose.from_pose(Pose.from_quaternion_xyzw((q.x, q.y, q.z, q.w), (p.x, p.y, p.z)))
+    return PlanarPose.from_quaternion_xyzw((q.x, q.y, q.z, q.w), p.x, p.y)

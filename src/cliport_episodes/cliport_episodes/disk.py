@@ -1,4 +1,4 @@
-"""Writing so that a pulled plug leaves the old or the new, never half of it."""
+"""Durable writing: after a power failure a file is the old or the new one, never half of either."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from pathlib import Path
 
 from cliport_episodes.errors import DiskError, DiskFullError
 
-UNFINISHED = ".new"  # how names of hidden files and folders end while they are made
+UNFINISHED = ".new"  # suffix of hidden files and folders while they are made
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
 @contextmanager
 def disk_errors(path: Path) -> Iterator[None]:
-    """Raise what the operating system refuses as a `DiskError` about `path`; `DiskFullError` where space lacks."""
+    """Turn an OSError of the body into a `DiskError` about `path`, or a `DiskFullError` where space lacks."""
     try:
         yield
     except OSError as error:
@@ -38,14 +38,17 @@ def sync(path: Path) -> None:
 
 
 def move(source: Path, target: Path) -> None:
-    """Rename within one disk; done for good when it returns."""
+    """Rename within one disk; the new name is on the disk when this returns."""
     os.replace(source, target)
     sync(target.parent)
+    if source.parent != target.parent:
+        with suppress(FileNotFoundError):
+            sync(source.parent)
 
 
 def replace_text(path: Path, text: str) -> None:
-    """Write a text file as a whole: who reads it at any moment gets the old or the new one."""
-    new = path.with_name(f".{path.name}.{secrets.token_hex(4)}{UNFINISHED}")  # threads may write it at once
+    """Replace a text file as a whole: a reader gets the old or the new one at any moment."""
+    new = path.with_name(f".{path.name}.{secrets.token_hex(4)}{UNFINISHED}")  # two threads may write it at once
     try:
         with new.open("w", encoding="utf-8") as file:
             file.write(text)
@@ -56,7 +59,7 @@ def replace_text(path: Path, text: str) -> None:
         with suppress(OSError):
             new.unlink(missing_ok=True)
         raise
-    with suppress(OSError):  # the new one is there, so it would be wrong to say that it is not
+    with suppress(OSError):  # the new file is in place, so this is no failure
         sync(path.parent)
 
 

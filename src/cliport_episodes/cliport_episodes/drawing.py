@@ -1,4 +1,4 @@
-"""Words and marks in pictures, in any script."""
+"""Text in pictures, in any script, and the colours that pictures share."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from cliport_core.image_files import encode_png
 from cliport_episodes.disk import disk_errors
 
 Color: TypeAlias = tuple[int, int, int]  # RGB
@@ -24,17 +25,17 @@ _MARGIN = 8  # pixels to the right of a text that is cut off
 
 def write_text(picture: Picture, text: str, row: int, col: int, size: int = 16, color: Color = INK) -> None:
     """Write one line whose baseline begins at (row, col), cut off at the picture's edge; size in pixels."""
-    room = picture.shape[1] - col - _MARGIN
-    while text and _text_width(text, size) > room:
+    available = picture.shape[1] - col - _MARGIN
+    while text and _text_width(text, size) > available:
         text = text[:-2].rstrip() + "…" if len(text) > 2 else ""
     cv2.putText(picture, text, (col, row), color, _font(), size)
 
 
 def save_png(picture: Picture, path: Path) -> None:
-    """Raises DiskError."""
-    encoded = cv2.imencode(".png", cv2.cvtColor(picture, cv2.COLOR_RGB2BGR))[1]
+    """Write (H, W, 3) RGB as a PNG file. Raises DiskError."""
+    file = encode_png(picture)
     with disk_errors(path):
-        path.write_bytes(encoded.tobytes())
+        path.write_bytes(file)
 
 
 def _text_width(text: str, size: int) -> int:

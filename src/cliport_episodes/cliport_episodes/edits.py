@@ -1,4 +1,4 @@
-"""What can be changed of an episode once it is recorded; it lives in metadata.yaml, beside the raw files."""
+"""Edits of a recorded episode; they are kept in metadata.yaml, beside the raw files."""
 
 from __future__ import annotations
 
@@ -14,9 +14,10 @@ _SUCCESS = {"true": True, "false": False, "unmarked": None}
 
 @dataclass(frozen=True)
 class Edits:
-    """success: None where nobody judged. instructions: by step number, where relabelled.
+    """Marks, relabelled instructions and trims of an episode.
 
-    first, last: the numbers of the first and the last step that count; None: from the beginning, to the end.
+    success: None where nobody judged. instructions: by step number, where relabelled. first, last: the numbers of the
+    first and the last step that count; None: from the beginning, to the end.
     """
 
     success: bool | None = None
@@ -27,11 +28,11 @@ class Edits:
     notes: str = ""
 
     def keeps(self, step: int) -> bool:
-        """Whether a step is left after trimming."""
+        """Return True if a step is left after trimming."""
         return (self.first is None or step >= self.first) and (self.last is None or step <= self.last)
 
     def to_custom_data(self) -> dict[str, str]:
-        """The `custom_data` of metadata.yaml: text only."""
+        """Return the edits as `custom_data` of metadata.yaml, which is text only."""
         data = {
             "cliport_format": FORMAT,
             "success": next(word for word, value in _SUCCESS.items() if value is self.success),
@@ -47,10 +48,10 @@ class Edits:
 
     @classmethod
     def from_custom_data(cls, data: Mapping[str, str]) -> Edits:
-        """The inverse of `to_custom_data`; keys of others are ignored.
+        """Parse the edits that `to_custom_data` wrote; other keys are ignored.
 
         Raises:
-            BagError: when it is of a later format, or not usable.
+            BagError: when the format is a later one, or a value is not usable.
         """
         try:
             if data["cliport_format"] != FORMAT:

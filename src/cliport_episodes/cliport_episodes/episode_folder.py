@@ -1,4 +1,4 @@
-"""An episode's folder: its files' names, its lock, and what it says of itself."""
+"""An episode's folder: the names of its files, its lock, its edits and its setup."""
 
 from __future__ import annotations
 
@@ -20,23 +20,24 @@ from cliport_episodes.edits import Edits
 from cliport_episodes.errors import BagError, EpisodeBusyError, EpisodeError, SetupError
 
 EPISODES, TRASH = "episodes", "trash"  # folders of a data set
+UNDONE = "undone"  # a folder beside them: undone steps, in folders with their episodes' names
 FINAL = "final.mcap"
 _STEP = re.compile(r"step_(\d{3,9})\.mcap")
 _SETUP = "setup"
 
 
 def new_name(moment: datetime) -> str:
-    """A name that sorts by the time at which the episode began, and that no other has."""
+    """Make a new episode's name: it sorts by the time at which the episode began, and ends at random."""
     return f"{moment:%Y%m%d-%H%M%S}-{secrets.token_hex(2)}"
 
 
 def step_name(number: int) -> str:
-    """The name of a step's file."""
+    """Return the name of a step's file."""
     return f"step_{number:03d}.mcap"
 
 
 def step_paths(folder: Path) -> dict[int, Path]:
-    """The files of the steps by number, in order.
+    """Return the files of the steps by number, in order.
 
     Raises:
         EpisodeError: when there is no such folder.
@@ -48,8 +49,21 @@ def step_paths(folder: Path) -> dict[int, Path]:
         raise EpisodeError(f"there is no episode '{folder.name}'") from None
 
 
+def undone_paths(folder: Path, number: int) -> list[Path]:
+    """Return the files of undone steps of a number, the one undone last at the end."""
+    place = folder.parent.parent / UNDONE / folder.name
+    return sorted(place.glob(f"step_{number:03d}.*.mcap"), key=lambda path: (len(path.name), path.name))
+
+
+def next_undone_path(folder: Path, number: int) -> Path:
+    """Return the unused path to which the step of a number moves when it is undone."""
+    earlier = undone_paths(folder, number)
+    count = int(earlier[-1].name.split(".")[1]) + 1 if earlier else 1
+    return folder.parent.parent / UNDONE / folder.name / f"step_{number:03d}.{count}.mcap"
+
+
 def whole_files(folder: Path) -> tuple[dict[int, BagFile], BagFile | None]:
-    """The steps' files by number, and the final one, without those that are torn."""
+    """Return the steps' files by number, and the final one, without those that are torn."""
     steps: dict[int, BagFile] = {}
     final = None
     for number, path in step_paths(folder).items():
@@ -61,7 +75,7 @@ def whole_files(folder: Path) -> tuple[dict[int, BagFile], BagFile | None]:
 
 
 def read_edits(folder: Path) -> tuple[Edits, str | None]:
-    """What was edited, and what is amiss with that."""
+    """Read the edits of an episode, and a complaint where they are lost."""
     try:
         return Edits.from_custom_data(read_custom_data(folder)), None
     except BagError as error:
@@ -69,7 +83,7 @@ def read_edits(folder: Path) -> tuple[Edits, str | None]:
 
 
 def read_own_setup(folder: Path) -> CaptureSetup | None:
-    """The setup that an episode carries itself; None where that is lost."""
+    """Read the setup that an episode carries itself; None where that is lost."""
     try:
         return CaptureSetup.from_dict(json.loads(read_custom_data(folder)[_SETUP]))
     except (BagError, SetupError, KeyError, TypeError, ValueError):
@@ -77,24 +91,26 @@ def read_own_setup(folder: Path) -> CaptureSetup | None:
 
 
 def custom_data(edits: Edits, setup: CaptureSetup) -> Mapping[str, str]:
-    """All that metadata.yaml says beyond what rosbag2 does."""
+    """Return the `custom_data` of metadata.yaml: the edits and the setup."""
     return {**edits.to_custom_data(), _SETUP: json.dumps(setup.to_dict())}
 
 
 def change_edits(folder: Path, change: Callable[[Edits], Edits], setup: CaptureSetup) -> None:
-    """Replace what is edited of an episode; its raw files are not touched. Raises EpisodeBusyError, DiskError."""
+    """Change the edits of an episode; its raw files are not touched. Raises EpisodeBusyError, DiskError."""
     with locked(folder), disk_errors(folder):
         edits = change(read_edits(folder)[0])
         steps, final = whole_files(folder)
-        files = [*steps.values(), *([final] if final and edits.finished else [])]
+        files = list(steps.values())
+        if final is not None and edits.finished:
+            files.append(final)
         write_metadata(folder, files, custom_data(edits, read_own_setup(folder) or setup))
 
 
 class FolderLock:
-    """Holds an episode against other writers, until it is released or its process ends."""
+    """Exclusive right to write an episode, until it is released or the process ends."""
 
     def __init__(self, folder: Path) -> None:
-        """Raises EpisodeBusyError, EpisodeError."""
+        """Take the lock. Raises EpisodeBusyError, EpisodeError."""
         self._descriptor: int | None = None
         try:
             self._descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
@@ -108,7 +124,7 @@ class FolderLock:
             raise EpisodeError(f"episode '{folder.name}' cannot be held for writing: {error.strerror}") from None
 
     def release(self) -> None:
-        """Let others write; may be called twice."""
+        """Give the lock back; may be called twice."""
         descriptor, self._descriptor = self._descriptor, None
         if descriptor is not None:
             os.close(descriptor)
@@ -116,7 +132,7 @@ class FolderLock:
 
 @contextmanager
 def locked(folder: Path) -> Iterator[None]:
-    """Hold an episode for a moment. Raises as `FolderLock` does."""
+    """Lock an episode while the body runs. Raises EpisodeBusyError, EpisodeError."""
     lock = FolderLock(folder)
     try:
         yield
@@ -124,7 +140,10 @@ def locked(folder: Path) -> Iterator[None]:
         lock.release()
 
 
-def free_path(folder: Path, name: str) -> Path:
-    """A path in a folder that nothing has, with the name or one like it."""
-    names = (name, *(f"{name}-{number}" for number in range(2, 10_000)))
-    return next(path for path in (folder / each for each in names) if not path.exists())
+def unused_path(folder: Path, name: str) -> Path:
+    """Return an unused path in a folder: the name, or that with the lowest number that makes it unused."""
+    path, number = folder / name, 1
+    while path.exists():
+        number += 1
+        path = folder / f"{name}-{number}"
+    return path

@@ -11,7 +11,7 @@ class EpisodesError(Exception):
 
 
 class BadNameError(EpisodesError):
-    """The name of a data set or an episode that must not become a path."""
+    """A name of a data set or an episode that cannot be used as a file name."""
 
     def __init__(self, what: str, name: str) -> None:
         self.name = name
@@ -33,7 +33,7 @@ class SetupError(EpisodesError):
 
 
 class SetupDiffersError(EpisodesError):
-    """What is to be recorded or merged was not made with the data set's camera, calibration and workspace."""
+    """A recording made with another camera, calibration or workspace than the data set's."""
 
     def __init__(self, data_set: str, differences: Sequence[str]) -> None:
         self.differences = tuple(differences)
@@ -51,7 +51,7 @@ class EpisodeError(EpisodesError):
 
 
 class EpisodeBusyError(EpisodeError):
-    """Another program, or another part of this one, is writing the episode."""
+    """An episode that another program, or another part of this one, is writing."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -63,11 +63,11 @@ class BagError(EpisodesError):
 
 
 class ObservationError(BagError):
-    """A step that lacks what an observation is made of."""
+    """A step that lacks a message of its observation, or has an unusable one."""
 
 
 class DiskError(EpisodesError):
-    """The disk refused; what was complete before stays so."""
+    """A write that the disk refused; what was complete before stays so."""
 
     def __init__(self, path: Path, reason: str, remedy: str) -> None:
         self.path = path
@@ -75,4 +75,4 @@ class DiskError(EpisodesError):
 
 
 class DiskFullError(DiskError):
-    """No space is left."""
+    """A write for which the disk has no space."""

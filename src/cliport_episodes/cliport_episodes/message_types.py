@@ -42,14 +42,14 @@ _NS = 1_000_000_000
 
 @lru_cache(maxsize=1)
 def known_types() -> Typestore:
-    """The types of ROS 2 Jazzy's common interfaces, and Demonstration."""
+    """Return the store of ROS 2 Jazzy's common interfaces and Demonstration."""
     store = get_typestore(Stores.ROS2_JAZZY)
     store.register(get_types_from_msg(DEMONSTRATION_DEFINITION, DEMONSTRATION))
     return store
 
 
 def types_of(name: str, definition: str) -> Typestore:
-    """The store that knows type `name`: from a definition's text, or `known_types` where that is of no use.
+    """Return a store that knows type `name`: made from a definition's text where possible, else `known_types`.
 
     Raises:
         BagError: when the type is not known.
@@ -61,13 +61,13 @@ def types_of(name: str, definition: str) -> Typestore:
 
 
 def definition_and_hash(raw: RawMessage) -> tuple[str, str]:
-    """What a bag stores beside messages of this type. Raises BagError as `types_of` does."""
+    """Return the definition and the hash that a bag stores for a message's type. Raises BagError for an unknown one."""
     store = types_of(raw.type, raw.definition)
     return raw.definition or store.generate_msgdef(raw.type, ros_version=2)[0], store.hash_rihs01(raw.type)
 
 
 def decode(raw: RawMessage) -> Any:
-    """The message as an object of the `rosbags` library; array fields are NumPy arrays.
+    """Decode a message into an object of the `rosbags` library; array fields are NumPy arrays.
 
     Raises:
         BagError: when its type is not known, or the bytes are not such a message.
@@ -80,23 +80,23 @@ def decode(raw: RawMessage) -> Any:
 
 
 def make(name: str, /, **values: Any) -> Any:
-    """A message object of a type of `known_types`."""
+    """Make a message object of a type of `known_types`."""
     return known_types().types[name](**values)
 
 
 def make_header(stamp_ns: int, frame_id: str) -> Any:
-    """A std_msgs/Header."""
+    """Make a std_msgs/Header."""
     stamp = make("builtin_interfaces/msg/Time", sec=stamp_ns // _NS, nanosec=stamp_ns % _NS)
     return make("std_msgs/msg/Header", stamp=stamp, frame_id=frame_id)
 
 
 def stamp_of(message: Any) -> int:
-    """Of a message object with a header [ns]."""
+    """Return the header stamp of a message object [ns]."""
     return int(message.header.stamp.sec) * _NS + int(message.header.stamp.nanosec)
 
 
 def encode(topic: str, message: Any, stamp_ns: int) -> RawMessage:
-    """A message object of `known_types` as it would come over the wire."""
+    """Serialize a message object of `known_types`, as received at `stamp_ns` [ns]."""
     name = message.__msgtype__
     return RawMessage(topic, name, bytes(known_types().serialize_cdr(message, name)), stamp_ns)
 

@@ -1,23 +1,21 @@
-"""What comes from outside: names that become folders, and instructions."""
+"""Checks of text that comes from outside and is stored: names of folders, and instructions."""
 
 from __future__ import annotations
 
 import re
-import unicodedata
 
+from cliport_core import errors as core_errors
+from cliport_core.instruction import normalized_instruction
 from cliport_episodes.errors import BadNameError, InstructionError
 
-MAX_INSTRUCTION = 500  # characters
 _NAME = re.compile(r"[A-Za-z0-9_-][A-Za-z0-9._-]{0,99}", re.ASCII)
-_JOINERS = "\u200c\u200d"  # spelling in Persian, Hindi and others needs them
-_UNPRINTABLE = {"Cc", "Cf", "Cn", "Co", "Cs", "Zl", "Zp"}
 
 
 def check_name(what: str, name: str) -> str:
-    """Return a name that is one component of a path and no hidden file; `what` it names is said in the error.
+    """Return a name if it is one component of a path and no hidden file; `what`: the named thing, for the error.
 
     Raises:
-        BadNameError: for any other.
+        BadNameError: when it is not.
     """
     if not _NAME.fullmatch(name):
         raise BadNameError(what, name)
@@ -25,19 +23,15 @@ def check_name(what: str, name: str) -> str:
 
 
 def check_instruction(text: str) -> str:
-    """Return an instruction without spaces around it, in any script.
+    """Return an instruction as it is stored: one line, in any script.
 
     Raises:
-        InstructionError: when it is empty, longer than `MAX_INSTRUCTION`, or holds what cannot be printed.
+        InstructionError: when it is empty, or `normalized_instruction` refuses it.
     """
-    plain = text.strip()
+    try:
+        plain = normalized_instruction(text)
+    except core_errors.InstructionError as error:
+        raise InstructionError(str(error)) from None
     if not plain:
         raise InstructionError("the instruction is empty: say in words what is to be done")
-    if len(plain) > MAX_INSTRUCTION:
-        raise InstructionError(
-            f"the instruction has {len(plain)} characters: at most {MAX_INSTRUCTION} are stored, so shorten it"
-        )
-    for character in plain:
-        if unicodedata.category(character) in _UNPRINTABLE and character not in _JOINERS:
-            raise InstructionError(f"the instruction holds U+{ord(character):04X}, which cannot be printed: remove it")
     return plain

@@ -1,4 +1,4 @@
-"""What the camera and the arm said at one moment of an episode."""
+"""Observation of the scene: images, camera and joints at one moment of an episode."""
 
 from __future__ import annotations
 
@@ -9,32 +9,29 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from cliport_core import topics
+from cliport_core.errors import CoreError, FrameError, ImageError
+from cliport_core.heightmap import Heightmap
+from cliport_core.images import ImageBuffer, decode_color, decode_depth
+from cliport_core.pose import Pose
+from cliport_core.transforms import TransformTree
+from cliport_core.workspace import WorkspaceSpec
 from cliport_episodes.capture_setup import CaptureSetup
 from cliport_episodes.errors import ObservationError
 from cliport_episodes.message_types import decode, stamp_of
 from cliport_episodes.raw import RawMessage
 from cliport_perception.camera_model import CameraModel
-from cliport_perception.errors import FrameError, ImageError, PerceptionError
-from cliport_perception.heightmap import Heightmap
 from cliport_perception.heightmap_builder import heightmap_from_rgbd
-from cliport_perception.images import ImageBuffer, decode_color, decode_depth
-from cliport_perception.pose import Pose
-from cliport_perception.transforms import TransformTree
-from cliport_perception.workspace import WorkspaceSpec
 
-COLOR_TOPIC = "/camera/color/image_raw"
-CAMERA_TOPIC = "/camera/color/camera_info"
-DEPTH_TOPIC = "/camera/aligned_depth_to_color/image_raw"
-JOINTS_TOPIC = "/joint_states"
-TF_STATIC_TOPIC = "/tf_static"
-TRANSFORM_TOPICS = (TF_STATIC_TOPIC, "/tf")
-OBSERVATION_TOPICS = (COLOR_TOPIC, CAMERA_TOPIC, DEPTH_TOPIC, JOINTS_TOPIC, *TRANSFORM_TOPICS)
+TRANSFORM_TOPICS = (topics.TF_STATIC, topics.TF)
+OBSERVATION_TOPICS = (topics.COLOR, topics.CAMERA_INFO, topics.DEPTH, topics.JOINT_STATES, *TRANSFORM_TOPICS)
 
 
 @dataclass(frozen=True, eq=False)
 class Observation:
-    """color: (H, W, 3) uint8 RGB; depth_m: (H, W) float32 [m], NaN where unknown; stamp_ns: of the colour image [ns].
+    """Images of one moment, with the camera and the joints.
 
+    stamp_ns: of the colour image [ns]; color: (H, W, 3) uint8 RGB; depth_m: (H, W) float32 [m], NaN where unknown;
     camera_in_base: pose of the optical frame in the base frame; joint_positions: [rad] or [m] by name.
     """
 
@@ -46,14 +43,14 @@ class Observation:
     joint_positions: dict[str, float]
 
     def heightmap(self, workspace: WorkspaceSpec) -> Heightmap:
-        """The scene from straight above."""
+        """Return the scene as seen from straight above."""
         return heightmap_from_rgbd(self.color, self.depth_m, self.camera, self.camera_in_base, workspace, self.stamp_ns)
 
 
 def observation_from_messages(messages: Iterable[RawMessage], where: str, setup: CaptureSetup) -> Observation:
-    """The observation in the messages of one step; the latest of each topic counts. `where` is said in errors.
+    """Return the observation in the messages of one step, by the latest of each topic; where: the step, for errors.
 
-    Where the transforms do not join camera and base, the setup's calibration holds.
+    Where the transforms do not connect camera and base, the setup's calibration is used.
 
     Raises:
         ObservationError: when a topic is missing, or a message cannot be used.
@@ -65,12 +62,12 @@ def observation_from_messages(messages: Iterable[RawMessage], where: str, setup:
         for raw in messages:
             if raw.topic in TRANSFORM_TOPICS:
                 put_transforms(tree, decode(raw))
-            elif raw.topic == JOINTS_TOPIC:  # arm and hand may each send their own
+            elif raw.topic == topics.JOINT_STATES:  # arm and hand may each send their own
                 message = decode(raw)
                 joints |= {name: float(p) for name, p in zip(message.name, message.position)}
             elif raw.topic in OBSERVATION_TOPICS:
                 latest[raw.topic] = decode(raw)
-        color, info, depth = (latest[topic] for topic in (COLOR_TOPIC, CAMERA_TOPIC, DEPTH_TOPIC))
+        color, info, depth = (latest[topic] for topic in (topics.COLOR, topics.CAMERA_INFO, topics.DEPTH))
         for image in (color, depth):
             if (image.width, image.height) != (info.width, info.height):
                 sizes = f"{image.width}x{image.height} pixels, where camera_info says {info.width}x{info.height}"
@@ -85,24 +82,27 @@ def observation_from_messages(messages: Iterable[RawMessage], where: str, setup:
         )
     except KeyError as error:
         raise ObservationError(f"{where} has no message on {error.args[0]}: record that topic too") from None
-    except (PerceptionError, ValueError, AttributeError) as error:
+    except (CoreError, ValueError, AttributeError) as error:
         raise ObservationError(f"{where}: {error}") from None
 
 
 def camera_from_info(info: Any) -> CameraModel:
-    """The camera model of a CameraInfo message of raw images. Raises CameraModelError."""
-    k = info.k
+    """Return the camera model of a CameraInfo message of raw images. Raises CameraModelError."""
+    fx, _, cx, _, fy, cy = (float(v) for v in info.k[:6])
     return CameraModel(
         int(info.width),
         int(info.height),
-        *(float(k[0]), float(k[4]), float(k[2]), float(k[5])),
+        fx,
+        fy,
+        cx,
+        cy,
         distortion_model=info.distortion_model,
         distortion=tuple(float(v) for v in info.d),
     )
 
 
 def put_transforms(tree: TransformTree, message: Any) -> None:
-    """Store what a TFMessage says. Raises ValueError when a number is not finite or a quaternion is zero."""
+    """Store the transforms of a TFMessage. Raises ValueError for a number that is not finite or a zero quaternion."""
     for each in message.transforms:
         t, q = each.transform.translation, each.transform.rotation
         pose = Pose.from_quaternion_xyzw((q.x, q.y, q.z, q.w), (t.x, t.y, t.z))

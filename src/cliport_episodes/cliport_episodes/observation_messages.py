@@ -1,4 +1,4 @@
-"""An observation as the messages that it is read from: what a camera and an arm would have sent."""
+"""Conversion of an observation to the messages that a camera and an arm would have sent."""
 
 from __future__ import annotations
 
@@ -8,39 +8,34 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from cliport_core import topics
+from cliport_core.pose import Pose
 from cliport_episodes.message_types import encode, make, make_header
-from cliport_episodes.observation import (
-    CAMERA_TOPIC,
-    COLOR_TOPIC,
-    DEPTH_TOPIC,
-    JOINTS_TOPIC,
-    TF_STATIC_TOPIC,
-    Observation,
-)
+from cliport_episodes.observation import Observation
 from cliport_episodes.raw import RawMessage
 from cliport_perception.camera_model import CameraModel
-from cliport_perception.pose import Pose
 
-_FARTHEST = 65.0  # what 16UC1 holds [m]
+_MAX_DEPTH = 65.0  # below the largest depth of 16UC1, 65.535 m [m]
 
 
 def messages_from_observation(
     observation: Observation,
     camera_frame: str,
-    base_frame: str = "panda_link0",
+    base_frame: str,
     *,
     received_ns: int | None = None,
     velocities: Sequence[float] = (),
     efforts: Sequence[float] = (),
 ) -> list[RawMessage]:
-    """/tf_static, joints, camera_info, colour and depth; the inverse of `observation_from_messages`.
+    """Return an observation as messages: /tf_static, joints, camera_info, colour and depth.
 
-    All have the observation's stamp, and are received then or at received_ns [ns]. Depth is 16UC1, as a RealSense
-    gives it: whole millimetres, 0 where unknown. velocities, efforts: of the joints, in their order, where known.
+    Inverse of `observation_from_messages`. All have the observation's stamp, and are received then or at
+    received_ns [ns]. Depth is 16UC1 as a RealSense sends it: whole millimetres, 0 where unknown. velocities, efforts:
+    of the joints, in their order, where known.
     """
     stamp_ns, joints = observation.stamp_ns, observation.joint_positions
     header = make_header(stamp_ns, camera_frame)
-    depth = np.where(observation.depth_m < _FARTHEST, observation.depth_m, 0.0)
+    depth = np.where(observation.depth_m < _MAX_DEPTH, observation.depth_m, 0.0)
     joint_state = make(
         "sensor_msgs/msg/JointState",
         header=make_header(stamp_ns, ""),
@@ -50,11 +45,11 @@ def messages_from_observation(
         effort=np.array(efforts, np.float64),
     )
     messages = {
-        TF_STATIC_TOPIC: _transform(observation.camera_in_base, make_header(stamp_ns, base_frame), camera_frame),
-        JOINTS_TOPIC: joint_state,
-        CAMERA_TOPIC: _camera_info(observation.camera, header),
-        COLOR_TOPIC: _image(observation.color, "rgb8", header),
-        DEPTH_TOPIC: _image(np.rint(1000.0 * depth).astype("<u2"), "16UC1", header),
+        topics.TF_STATIC: _transform(observation.camera_in_base, make_header(stamp_ns, base_frame), camera_frame),
+        topics.JOINT_STATES: joint_state,
+        topics.CAMERA_INFO: _camera_info(observation.camera, header),
+        topics.COLOR: _image(observation.color, "rgb8", header),
+        topics.DEPTH: _image(np.rint(1000.0 * depth).astype("<u2"), "16UC1", header),
     }
     received = stamp_ns if received_ns is None else received_ns
     return [encode(topic, message, received) for topic, message in messages.items()]
@@ -73,7 +68,7 @@ def _transform(child_in_parent: Pose, header: Any, child_frame: str) -> Any:
 
 
 def _camera_info(camera: CameraModel, header: Any) -> Any:
-    """Of an unrectified monocular camera."""
+    """Return the CameraInfo of an unrectified monocular camera."""
     return make(
         "sensor_msgs/msg/CameraInfo",
         header=header,

@@ -1,4 +1,4 @@
-"""A message as it came over the wire."""
+"""Serialized message with its topic, type and time."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 @dataclass(frozen=True)
 class RawMessage:
-    """A serialized message, untouched.
+    """A serialized message as it was received.
 
     type: as in "sensor_msgs/msg/Image"; data: CDR with its four bytes of head; stamp_ns: when it was received [ns].
     definition: the text of its type and all types in it, where the bag had one; types of ROS 2 Jazzy's common

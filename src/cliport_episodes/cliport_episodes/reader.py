@@ -1,15 +1,16 @@
-"""Reading an episode: its steps as edited, its observations when they are asked for."""
+"""Reading of an episode: its steps as edited; observations are read when they are asked for."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from cliport_core import topics
 from cliport_episodes.bags import read_messages
 from cliport_episodes.capture_setup import CaptureSetup
 from cliport_episodes.data_set_file import read_setup
 from cliport_episodes.demonstration import StepRecord
-from cliport_episodes.demonstration_messages import DEMONSTRATION_TOPIC, record_from_message
+from cliport_episodes.demonstration_messages import record_from_message
 from cliport_episodes.edits import Edits
 from cliport_episodes.episode_folder import FINAL, read_edits, read_own_setup, step_paths
 from cliport_episodes.errors import BagError, EpisodeError
@@ -18,26 +19,27 @@ from cliport_episodes.observation import OBSERVATION_TOPICS, Observation, observ
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """One step; the record's instruction is the relabelled one. Steps keep their numbers when others are trimmed."""
+    """A step of an episode as edited: record has the relabelled instruction, and its number as recorded."""
 
     record: StepRecord
     path: Path
     setup: CaptureSetup
 
     def observation(self) -> Observation:
-        """What was seen before the step; read from the disk at each call.
+        """Read the observation before the step from the disk, at each call.
 
         Raises:
-            ObservationError: when the step's file lacks what an observation is made of.
+            ObservationError: when the step's file lacks a message of it, or has an unusable one.
         """
         return _observation(self.path, f"step {self.record.step} of episode '{self.path.parent.name}'", self.setup)
 
 
 @dataclass(frozen=True, eq=False)
 class Episode:
-    """success: None where nobody judged; final: the scene after the last step, where it was recorded.
+    """An episode as edited.
 
-    complaints: what of it could not be used, and why, each a line for a person.
+    success: None where nobody judged; steps: those that count; final: the scene after the last step, where it was
+    recorded; complaints: a line for a person about each part that could not be used, and why.
     """
 
     path: Path
@@ -50,7 +52,7 @@ class Episode:
     complaints: tuple[str, ...]
 
     def step(self, number: int) -> Step:
-        """The step of a number. Raises EpisodeError when there is none, or it was trimmed off."""
+        """Return the step of a number. Raises EpisodeError when there is none, or it was trimmed off."""
         found = next((step for step in self.steps if step.record.step == number), None)
         if found is None:
             numbers = ", ".join(str(step.record.step) for step in self.steps) or "none"
@@ -60,7 +62,7 @@ class Episode:
 
 @dataclass(frozen=True)
 class StepsRead:
-    """An episode's steps without its pictures. records: after trim and relabel."""
+    """An episode's steps without its pictures; records: after trimming and relabelling."""
 
     edits: Edits
     records: tuple[StepRecord, ...]
@@ -68,23 +70,26 @@ class StepsRead:
 
 
 def read_episode(path: Path) -> Episode:
-    """Read an episode's folder; of torn files, what lies before the tear.
+    """Read an episode's folder; torn files are read up to the tear.
 
     Raises:
         EpisodeError: when there is no such folder.
-        DataSetError: when neither it nor the data set around it says with which setup it was recorded.
+        DataSetError: when neither the episode nor its data set holds the setup of the recording.
     """
     read = read_steps(path)
     setup = read_own_setup(path) or read_setup(path.parent.parent)
     files = step_paths(path)
     steps = tuple(Step(record, files[record.step], setup) for record in read.records)
     final, complaint = _final(path, read.edits, files, setup)
-    complaints = (*read.complaints, *([complaint] if complaint else []))
-    return Episode(path, path.name, setup, read.edits.success, read.edits.finished, steps, final, complaints)
+    complaints = list(read.complaints)
+    if complaint is not None:
+        complaints.append(complaint)
+    edits = read.edits
+    return Episode(path, path.name, setup, edits.success, edits.finished, steps, final, tuple(complaints))
 
 
 def read_steps(path: Path) -> StepsRead:
-    """Read what an episode's steps were, and nothing else. Raises EpisodeError when there is no such folder."""
+    """Read the records of an episode's steps, and no pictures. Raises EpisodeError when there is no such folder."""
     files = step_paths(path)
     edits, complaint = read_edits(path)
     complaints = [complaint] if complaint and files else []
@@ -103,7 +108,7 @@ def read_steps(path: Path) -> StepsRead:
 
 
 def _record(file: Path, complaints: list[str]) -> StepRecord:
-    messages = list(read_messages(file, {DEMONSTRATION_TOPIC}, complaints.append))
+    messages = list(read_messages(file, {topics.DEMONSTRATION}, complaints.append))
     if not messages:
         raise BagError(f"'{file.name}' holds no demonstration")
     return record_from_message(messages[-1])
@@ -112,7 +117,7 @@ def _record(file: Path, complaints: list[str]) -> StepRecord:
 def _final(
     path: Path, edits: Edits, files: dict[int, Path], setup: CaptureSetup
 ) -> tuple[Observation | None, str | None]:
-    """The scene after the last step that counts, and why it is not there."""
+    """Return the scene after the last step that counts, and a complaint where it cannot be read."""
     after = [file for number, file in files.items() if edits.last is not None and number > edits.last]
     file = after[0] if after else path / FINAL
     if not after and not (edits.finished and file.exists()):

@@ -1,4 +1,4 @@
-"""The bias of a data set as a picture: where it picks and places, and what it asks for."""
+"""Picture of a data set's statistics: positions of picks and places, instructions and biases."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ import numpy.typing as npt
 from cliport_episodes.drawing import FAINT, INK, PICK_COLOR, PLACE_COLOR, Color, Picture, save_png, write_text
 from cliport_episodes.statistics import SQUARE, Statistics
 
-_SIZE = (900, 1000)  # of the picture (rows, columns)
-_MAP_WIDTH = 440  # of a map of the table [pixels]
-_ROW = 26  # of a list [pixels]
-_MOST_ROWS = 10  # of a list
+_SIZE = (900, 1000)  # (rows, columns) of the picture
+_MAP_WIDTH = 440  # width of a map of the table [pixels]
+_ROW = 26  # height of a row of a list [pixels]
+_MAX_ROWS = 10  # rows of a list
 
 
 def draw_statistics(statistics: Statistics, path: Path) -> None:
@@ -30,14 +30,14 @@ def draw_statistics(statistics: Statistics, path: Path) -> None:
         below = max(below, _draw_map(picture, s, counts, color, col))
     _draw_bars(picture, "instructions", s.instructions, below + 40, 30)
     _draw_bars(picture, "colour words", s.color_words, below + 40, 530)
-    below += 60 + _ROW * (min(_MOST_ROWS, max(len(s.instructions), len(s.color_words))) + 1)
+    below += 60 + _ROW * (min(_MAX_ROWS, max(len(s.instructions), len(s.color_words))) + 1)
     for number, line in enumerate(s.biases()):
         write_text(picture, f"! {line}", below + _ROW * number, 30, 16, PICK_COLOR)
     save_png(picture[: below + _ROW * len(s.biases())], path)
 
 
 def _draw_map(picture: Picture, statistics: Statistics, counts: npt.NDArray[np.int32], color: Color, col: int) -> int:
-    """Draw the table with a dot for each position over squares as dark as they are full; returns the lower row."""
+    """Draw the table, a dot for each position over squares shaded by their counts; return the lowest row."""
     rows, cols = counts.shape
     scale = _MAP_WIDTH / rows
     height = round(cols * scale)
@@ -62,7 +62,7 @@ def _draw_map(picture: Picture, statistics: Statistics, counts: npt.NDArray[np.i
 def _draw_bars(picture: Picture, title: str, counts: dict[str, int], row: int, col: int) -> None:
     write_text(picture, f"{title} ({len(counts)})", row, col, 16)
     most = max(counts.values(), default=1)
-    for number, (name, count) in enumerate(list(counts.items())[:_MOST_ROWS]):
+    for number, (name, count) in enumerate(list(counts.items())[:_MAX_ROWS]):
         bottom = row + _ROW * (number + 1)
         length = round((_MAP_WIDTH - 60) * count / most)
         cv2.rectangle(picture, (col + 50, bottom - 16), (col + 50 + length, bottom + 4), (215, 225, 240), -1)

@@ -1,4 +1,4 @@
-"""What a list of episodes says of each, and the index that keeps it so that a thousand bags need not be opened."""
+"""Summaries of episodes, and the index that keeps them so that a thousand bags need not be opened."""
 
 from __future__ import annotations
 
@@ -9,19 +9,20 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from cliport_core.action import PickPlaceAction, Primitive
+from cliport_core.outcome import ActionResult, Outcome
+from cliport_core.pose import PlanarPose
 from cliport_episodes.demonstration import PixelBox, Source, StepRecord
 from cliport_episodes.disk import replace_text
 from cliport_episodes.errors import EpisodeError, RecordError
 from cliport_episodes.reader import read_steps
-from cliport_perception.pose import PlanarPose
-from cliport_perception.primitive import Primitive
 
-FORMAT = 1
+FORMAT = 2
 
 
 @dataclass(frozen=True)
 class EpisodeInfo:
-    """An episode without its pictures. records: its steps after trim and relabel; bytes: on the disk."""
+    """An episode without its pictures; records: its steps after trimming and relabelling; bytes: on the disk."""
 
     name: str
     success: bool | None
@@ -32,27 +33,27 @@ class EpisodeInfo:
 
     @property
     def n_steps(self) -> int:
-        """How many steps count."""
+        """Number of steps that count."""
         return len(self.records)
 
     @property
     def instructions(self) -> tuple[str, ...]:
-        """The different instructions, in the order in which they were first given."""
+        """Distinct instructions, in the order in which they were first given."""
         return tuple(dict.fromkeys(record.instruction for record in self.records))
 
 
 class EpisodeIndex:
-    """index.json of a data set: a copy of what the bags say, with which files it was made from."""
+    """index.json of a data set: a copy of the bags' records, with the signatures of the files it was made from."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
 
     def refresh(self, folders: list[Path]) -> list[EpisodeInfo]:
-        """The summaries of episodes' folders, from the index where it is true, else from the bags."""
+        """Return the summaries of episodes' folders, from the index where it is up to date, else from the bags."""
         known = self._load()
         entries = {}
         for folder in folders:
-            with suppress(FileNotFoundError, EpisodeError):  # one that is deleted meanwhile
+            with suppress(FileNotFoundError, EpisodeError):  # an episode that is deleted meanwhile
                 signature = _signature(folder)
                 entry = known.get(folder.name)
                 if entry is None or entry[0] != signature:
@@ -63,7 +64,7 @@ class EpisodeIndex:
         return [info for _, info in entries.values()]
 
     def forget(self) -> None:
-        """Have everything read from the bags the next time. Raises OSError."""
+        """Delete the index, so that the next `refresh` reads the bags. Raises OSError."""
         self._path.unlink(missing_ok=True)
 
     def _load(self) -> dict[str, tuple[str, EpisodeInfo]]:
@@ -77,7 +78,7 @@ class EpisodeIndex:
 
     def _store(self, entries: Mapping[str, tuple[str, EpisodeInfo]]) -> None:
         episodes = {name: {"files": files, **asdict(info)} for name, (files, info) in entries.items()}
-        with suppress(OSError):  # it saves time, and nothing else
+        with suppress(OSError):  # the index only saves time
             replace_text(self._path, json.dumps({"format": FORMAT, "episodes": episodes}, ensure_ascii=False))
 
 
@@ -88,7 +89,7 @@ def _read(folder: Path) -> EpisodeInfo:
 
 
 def _signature(folder: Path) -> str:
-    """Changes when a file of the folder does."""
+    """Return a text that changes whenever a file of the folder does."""
     stats = sorted((file.name, file.stat()) for file in folder.iterdir() if not file.name.startswith("."))
     return " ".join(f"{name}:{stat.st_size}:{stat.st_mtime_ns}" for name, stat in stats)
 
@@ -100,14 +101,21 @@ def _info(name: str, entry: Mapping[str, Any]) -> EpisodeInfo:
 
 
 def _record(values: Mapping[str, Any]) -> StepRecord:
-    centroid = values["grasp_centroid"]
     changed = {
-        "primitive": Primitive(values["primitive"]),
         "source": Source(values["source"]),
-        "pick": PlanarPose(**values["pick"]),
-        "place": PlanarPose(**values["place"]),
+        "action": _action(values["action"]),
+        "result": values["result"] and _result(values["result"]),
         "pick_box": values["pick_box"] and PixelBox(**values["pick_box"]),
         "place_box": values["place_box"] and PixelBox(**values["place_box"]),
-        "grasp_centroid": None if centroid is None else tuple(centroid),
     }
     return StepRecord(**{**values, **changed})
+
+
+def _action(values: Mapping[str, Any]) -> PickPlaceAction:
+    pick, place = PlanarPose(**values["pick"]), PlanarPose(**values["place"])
+    return PickPlaceAction(**{**values, "pick": pick, "place": place, "primitive": Primitive(values["primitive"])})
+
+
+def _result(values: Mapping[str, Any]) -> ActionResult:
+    centroid = values["grasp_centroid"] and tuple(values["grasp_centroid"])
+    return ActionResult(**{**values, "outcome": Outcome(values["outcome"]), "grasp_centroid": centroid})

@@ -1,14 +1,15 @@
-"""Recording an episode, step by step: what was added is safe from whatever happens next."""
+"""Recording of an episode, step by step; each step is on the disk once it was added."""
 
 from __future__ import annotations
 
 import shutil
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 
-from cliport_episodes.bag_file import BagFile, is_latched, write_bag_file
+from cliport_episodes.bag_file import BagFile, describe, is_latched, write_bag_file
 from cliport_episodes.bag_metadata import write_metadata
 from cliport_episodes.capture_setup import CaptureSetup
 from cliport_episodes.data_set_file import read_setup
@@ -22,21 +23,23 @@ from cliport_episodes.episode_folder import (
     TRASH,
     FolderLock,
     custom_data,
-    free_path,
     new_name,
+    next_undone_path,
     read_edits,
     read_own_setup,
     step_name,
     step_paths,
+    undone_paths,
+    unused_path,
     whole_files,
 )
-from cliport_episodes.errors import EpisodeError, SetupDiffersError
+from cliport_episodes.errors import BagError, EpisodeError, SetupDiffersError
 from cliport_episodes.names import check_instruction, check_name
 from cliport_episodes.raw import RawMessage
 
 
 class EpisodeWriter:
-    """Writes one episode, which no one else can write meanwhile; not for several threads at once.
+    """Writer of one episode, which it locks against other writers; not for several threads at once.
 
     Each step is a file of its own, complete on the disk when it gets its name; metadata.yaml lists it afterwards.
     Make one with `create` or `resume`; it ends with `finish`, `discard` or `close`.
@@ -51,12 +54,12 @@ class EpisodeWriter:
 
     @classmethod
     def create(cls, data_set: Path, setup: CaptureSetup, name: str | None = None) -> EpisodeWriter:
-        """Begin an episode in a data set.
+        """Make a new episode in a data set.
 
         Raises:
             DataSetError: when there is no data set.
             SetupDiffersError: when it was recorded with another setup.
-            EpisodeError: when a name is given that the data set has.
+            EpisodeError: when the data set has an episode of the given name.
             BadNameError, DiskError.
         """
         if differences := setup.differences(read_setup(data_set)):
@@ -80,7 +83,7 @@ class EpisodeWriter:
 
     @classmethod
     def resume(cls, episode: Path, setup: CaptureSetup | None = None) -> EpisodeWriter:
-        """Go on with an episode that was interrupted or finished, after its last step.
+        """Open an episode that was interrupted or finished, to add steps after its last one.
 
         Raises:
             EpisodeError: when there is none, or its end was trimmed off; EpisodeBusyError when it is being written.
@@ -93,10 +96,11 @@ class EpisodeWriter:
             if setup is not None and (differences := setup.differences(own_setup)):
                 raise SetupDiffersError(episode.parent.parent.name, differences)
             edits, _ = read_edits(episode)
-            if edits.last is not None:
+            if edits.last is not None and max(step_paths(episode), default=-1) > edits.last:
                 raise EpisodeError(f"episode '{episode.name}' was trimmed at its end: undo that, or begin a new one")
+            edits = replace(edits, last=None)  # steps that are added must count
             writer = cls(episode, own_setup, lock, edits)
-            writer._take_stock()
+            writer._recover()
         except BaseException:
             lock.release()
             raise
@@ -104,22 +108,22 @@ class EpisodeWriter:
 
     @property
     def name(self) -> str:
-        """The episode's name in its data set."""
+        """Name of the episode in its data set."""
         return self.path.name
 
     @property
     def n_steps(self) -> int:
-        """How many steps are safe."""
+        """Number of steps on the disk."""
         return len(self._steps)
 
     def add_step(self, messages: Sequence[RawMessage], record: StepRecord) -> None:
-        """Store one step: what the camera and the arm sent before it, and what was done. Durable when it returns.
+        """Store one step: the messages of camera and arm before it, and its record. It is on the disk on return.
 
         The record's step number is set here. Latched messages are logged when the step begins, however old.
 
         Raises:
-            DiskError, DiskFullError: the steps before are whole, and this one may be tried again.
-            InstructionError: for an instruction that cannot be stored; BagError: for messages of unknown type.
+            DiskError, DiskFullError: when the disk refuses; earlier steps are whole, and this one may be tried again.
+            InstructionError: when the instruction cannot be stored; BagError: when a message's type is unknown.
             EpisodeError: when the episode was ended.
         """
         instruction = check_instruction(record.instruction)
@@ -140,10 +144,10 @@ class EpisodeWriter:
                 raise
 
     def undo_step(self) -> None:
-        """Remove the last step for good.
+        """Move the last step to the data set's folder of undone steps, from which `restore_step` brings it back.
 
         Raises:
-            EpisodeError: when there is none, or the episode was ended. DiskError.
+            EpisodeError: when there is no step, or the episode was ended. DiskError.
         """
         if not self._steps:
             raise EpisodeError(f"episode '{self.name}' has no step to undo")
@@ -151,19 +155,65 @@ class EpisodeWriter:
         number = max(self._steps)
         undone = self._steps.pop(number)
         edits = replace(self._edits, instructions={k: v for k, v in self._edits.instructions.items() if k != number})
+        before, target = self._edits, next_undone_path(self.path, number)
         with disk_errors(self.path):
             try:
+                target.parent.mkdir(parents=True, exist_ok=True)
+                sync(target.parent.parent)
+                sync(target.parent.parent.parent)
                 self._save(edits)
+                move(self.path / undone.name, target)
             except OSError:
                 self._steps[number] = undone
+                with suppress(OSError):
+                    self._save(before)
                 raise
-            (self.path / undone.name).unlink()
 
-    def finish(self, messages: Sequence[RawMessage], success: bool | None) -> None:
-        """End the episode with what the camera and the arm sent after its last step; these may be none.
+    def restorable(self) -> bool:
+        """Return True if the step that was undone last can come back: none was added since."""
+        return self._is_open and self._undone() is not None
+
+    def restore_step(self) -> None:
+        """Bring back the step that was undone last.
 
         Raises:
-            EpisodeError: when it has no step, or was ended before. DiskError: it can be tried again.
+            EpisodeError: when no step was undone, or another was added since. DiskError.
+        """
+        self._check_open()
+        found = self._undone()
+        if found is None:
+            raise EpisodeError(f"episode '{self.name}' has no step to bring back: none was undone since its last one")
+        self._reopen()
+        source, made = found
+        number = max(self._steps, default=-1) + 1
+        path = self.path / step_name(number)
+        with disk_errors(path):
+            move(source, path)
+            self._steps[number] = replace(made, name=path.name)
+            try:
+                self._save(self._edits)
+            except OSError:
+                del self._steps[number]
+                move(path, source)
+                raise
+
+    def _undone(self) -> tuple[Path, BagFile] | None:
+        """Return the undone step that would come next; None where it is older than the present last step."""
+        paths = undone_paths(self.path, max(self._steps, default=-1) + 1)
+        if not paths:
+            return None
+        path = paths[-1]
+        try:
+            made = describe(path)
+        except BagError:
+            return None
+        return (path, made) if made.start_ns >= self._end_ns else None
+
+    def finish(self, messages: Sequence[RawMessage], success: bool | None) -> None:
+        """End the episode with the messages of camera and arm after its last step; there may be none.
+
+        Raises:
+            EpisodeError: when it has no step, or was ended before. DiskError: this can be tried again.
         """
         if not self._steps:
             raise EpisodeError(f"episode '{self.name}' has no step: discard it")
@@ -176,13 +226,13 @@ class EpisodeWriter:
         self.close()
 
     def discard(self) -> None:
-        """End the episode and put it into the data set's trash; one without steps is removed. Raises DiskError."""
+        """End the episode and move it to the data set's trash; one without steps is removed. Raises DiskError."""
         self._check_open()
         trash = self.path.parent.parent / TRASH
         with disk_errors(self.path):
             if self._steps:
                 trash.mkdir(exist_ok=True)
-                move(self.path, free_path(trash, self.name))
+                move(self.path, unused_path(trash, self.name))
             else:
                 shutil.rmtree(self.path)
         self.close()
@@ -197,7 +247,7 @@ class EpisodeWriter:
         return max((file.end_ns for file in self._steps.values()), default=0)
 
     def _in_order(self, messages: Iterable[RawMessage]) -> list[RawMessage]:
-        """Messages in the order of their times, none of which is before the last step's end."""
+        """Return messages in the order of their times, which are moved to the last step's end where they precede it."""
         unordered = list(messages)
         live = [message.stamp_ns for message in unordered if not is_latched(message.topic)]
         begin = max(self._end_ns, min(live, default=0))
@@ -207,8 +257,8 @@ class EpisodeWriter:
         ]
         return sorted(stamped, key=lambda message: message.stamp_ns)
 
-    def _take_stock(self) -> None:
-        """Find the steps that are there, and tidy up after whoever was interrupted."""
+    def _recover(self) -> None:
+        """Find the steps on the disk, and remove the files of an interrupted writer."""
         self._steps, final = whole_files(self.path)
         self._final = final if self._edits.finished else None
         with disk_errors(self.path):
@@ -219,7 +269,7 @@ class EpisodeWriter:
             self._save(self._edits)
 
     def _reopen(self) -> None:
-        """Take back the end of a finished episode: after another step that would show the wrong scene."""
+        """Remove the final scene of a finished episode, which would be wrong after another step."""
         self._check_open()
         if self._edits.finished:
             self._final = None
@@ -228,7 +278,9 @@ class EpisodeWriter:
                 (self.path / FINAL).unlink(missing_ok=True)
 
     def _save(self, edits: Edits) -> None:
-        files = [*self._steps.values(), *([self._final] if self._final else [])]
+        files = list(self._steps.values())
+        if self._final is not None:
+            files.append(self._final)
         write_metadata(self.path, files, custom_data(edits, self.setup))
         self._edits = edits
 

@@ -10,6 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from cliport_core.action import PickPlaceAction
+from cliport_core.outcome import ActionResult, Outcome
+from cliport_core.pose import PlanarPose, Pose
+from cliport_core.workspace import WorkspaceSpec
 from cliport_episodes.capture_setup import CaptureSetup
 from cliport_episodes.data_set import DataSet
 from cliport_episodes.demonstration import PixelBox, Source, StepRecord
@@ -18,9 +22,6 @@ from cliport_episodes.observation_messages import messages_from_observation
 from cliport_episodes.raw import RawMessage
 from cliport_episodes.writer import EpisodeWriter
 from cliport_perception.camera_model import CameraModel
-from cliport_perception.pose import PlanarPose, Pose
-from cliport_perception.primitive import Primitive
-from cliport_perception.workspace import WorkspaceSpec
 
 SECOND = 1_000_000_000
 BEGIN = 1_700_000_000 * SECOND
@@ -51,8 +52,9 @@ def scene(setup: CaptureSetup) -> Callable[[int], list[RawMessage]]:
             camera_in_base=setup.camera_in_base,
             joint_positions={"panda_joint1": 0.1 * moment, "panda_finger_joint1": 0.04},
         )
-        _, joints, info, color, depth = messages_from_observation(seen, setup.camera_frame)
-        transforms, *_ = messages_from_observation(replace(seen, stamp_ns=BEGIN - 60 * SECOND), setup.camera_frame)
+        _, joints, info, color, depth = messages_from_observation(seen, setup.camera_frame, setup.base_frame)
+        early = replace(seen, stamp_ns=BEGIN - 60 * SECOND)
+        transforms, *_ = messages_from_observation(early, setup.camera_frame, setup.base_frame)
         late = ((depth, 3), (color, 1), (info, 2), (joints, 0))
         return [*(replace(each, stamp_ns=now + by * 1_000_000) for each, by in late), transforms]
 
@@ -66,20 +68,14 @@ def record() -> StepRecord:
         stamp_ns=BEGIN + 5,
         frame_id="panda_link0",
         instruction="put the red block in the green bowl",
-        primitive=Primitive.PICK_PLACE,
         source=Source.CLICKED,
         pick_box=PixelBox(10, 20, 18, 30),
         place_box=None,
         pick_rotation=3,
         place_rotation=35,
         n_rotations=36,
-        pick=PlanarPose(0.4, -0.1, 0.5),
-        place=PlanarPose(0.5, 0.2, -3.0),
-        executed=True,
-        outcome=5,
-        message="nothing between the fingers",
-        grasp_centroid=(0.4, -0.1, 0.02),
-        gripper_width=0.031,
+        action=PickPlaceAction(PlanarPose(0.4, -0.1, 0.5), PlanarPose(0.5, 0.2, -3.0)),
+        result=ActionResult(Outcome.GRASP_MISSED, "nothing between the fingers", (0.4, -0.1, 0.02), 0.031),
     )
 
 

@@ -5,11 +5,11 @@ from dataclasses import replace
 import pytest
 import yaml
 
+from cliport_core.pose import Pose
+from cliport_core.workspace import WorkspaceSpec
 from cliport_episodes.capture_setup import CaptureSetup
 from cliport_episodes.errors import SetupError
 from cliport_perception.camera_model import CameraModel
-from cliport_perception.pose import Pose
-from cliport_perception.workspace import WorkspaceSpec
 
 
 def test_survives_yaml(setup: CaptureSetup) -> None:

@@ -13,8 +13,10 @@ from pathlib import Path
 import pytest
 from rosbags.rosbag2 import Reader
 
+from cliport_episodes.bag_metadata import read_custom_data
 from cliport_episodes.capture_setup import CaptureSetup
 from cliport_episodes.data_set import DataSet
+from cliport_episodes.episode_folder import change_edits
 from cliport_episodes.errors import (
     BadNameError,
     DataSetError,
@@ -23,6 +25,7 @@ from cliport_episodes.errors import (
     InstructionError,
     SetupDiffersError,
 )
+from cliport_episodes.writer import EpisodeWriter
 
 Add = Callable[..., str]
 
@@ -101,8 +104,24 @@ def test_edits_touch_no_raw_file(data_set: DataSet, add_episode: Add) -> None:
 def test_what_follows_the_last_step_left_is_the_final_scene(data_set: DataSet, add_episode: Add) -> None:
     name = add_episode(data_set.path, 3)
     data_set.trim(name, 0, 1)
+    assert [step.record.step for step in data_set.episode(name).steps] == [0, 1]
     final = data_set.episode(name).final
     assert final is not None and final.joint_positions["panda_joint1"] == pytest.approx(0.2)
+
+
+@pytest.mark.parametrize("last", [1, 100_000])
+def test_a_trim_that_cuts_nothing_off_lets_the_episode_go_on(data_set: DataSet, add_episode: Add, last: int) -> None:
+    name = add_episode(data_set.path, 2)
+    data_set.trim(name, 0, last)
+    folder = data_set.path / "episodes" / name
+    assert {"first", "last"}.isdisjoint(read_custom_data(folder))
+    EpisodeWriter.resume(folder).close()
+    change_edits(folder, lambda edits: replace(edits, last=last), data_set.setup)  # as earlier versions left it
+    EpisodeWriter.resume(folder).close()
+    assert "last" not in read_custom_data(folder)
+    data_set.trim(name, None, 0)
+    with pytest.raises(EpisodeError, match="trimmed at its end"):
+        EpisodeWriter.resume(folder)
 
 
 def test_an_edit_is_whole_or_not_at_all(data_set: DataSet, add_episode: Add, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -175,6 +194,17 @@ def test_merging_keeps_both(data_set: DataSet, setup: CaptureSetup, add_episode:
     assert other.episode("b").success is False and raw_files(other) == theirs
 
 
+def test_merging_keeps_what_differs_though_it_has_the_same_name_and_steps(
+    data_set: DataSet, setup: CaptureSetup, add_episode: Add, tmp_path: Path
+) -> None:
+    other = DataSet.create(tmp_path / "other", setup)
+    add_episode(data_set.path, 2, "a", instruction="to the left")
+    add_episode(other.path, 2, "a", instruction="to the right")
+    assert data_set.merge(other.path) == ["a-2"]
+    assert [e.instructions[0] for e in data_set.episodes()] == ["to the left", "to the right"]
+    assert data_set.merge(other.path) == []  # it is here already, by its other name
+
+
 def test_merging_again_adds_nothing(data_set: DataSet, setup: CaptureSetup, add_episode: Add, tmp_path: Path) -> None:
     other = DataSet.create(tmp_path / "other", setup)
     add_episode(other.path, 1, "a")
@@ -213,6 +243,19 @@ def test_splitting_deals_out_each_episode_once(data_set: DataSet, add_episode: A
     for parts_wanted in ({"x": 6.0}, {"x": 0.9, "y": 0.2}, {"x": -0.1}, {"x": 0.001}, {}):
         with pytest.raises(DataSetError):
             data_set.split(parts_wanted, seed=0)
+
+
+def test_the_seed_decides_who_gets_which_episode(data_set: DataSet, add_episode: Add) -> None:
+    for n in range(6):
+        add_episode(data_set.path, 1, f"e{n}")
+
+    def dealt(seed: int, part: str) -> frozenset[str]:
+        parts = data_set.split({part: 3}, seed)
+        return frozenset(info.name for info in parts[part].episodes())
+
+    by_seed = [dealt(seed, f"seed{seed}") for seed in range(6)]
+    assert [dealt(seed, f"again{seed}") for seed in range(6)] == by_seed
+    assert len(set(by_seed)) > 2
 
 
 def test_a_folder_that_is_none_is_refused(tmp_path: Path, setup: CaptureSetup) -> None:

@@ -111,7 +111,7 @@ def test_no_step_that_was_added_is_lost(
     assert not [file.name for file in path.iterdir() if file.name.startswith(".")]
 
 
-@pytest.mark.parametrize("die_at", range(5))
+@pytest.mark.parametrize("die_at", range(14))
 def test_an_undo_removes_the_last_step_or_nothing(
     data_set: DataSet, setup: CaptureSetup, scene: Scene, record: StepRecord, die_at: int
 ) -> None:
@@ -131,3 +131,4 @@ def test_an_undo_removes_the_last_step_or_nothing(
     assert left - 1 <= len(episode.steps) <= left and episode.complaints == ()
     with Reader(path) as reader:
         assert left - 1 <= reader.message_count // 9 <= left
+    assert len(episode.steps) + data_set.undone_steps() == 3

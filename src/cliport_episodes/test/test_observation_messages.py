@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from cliport_core.pose import Pose
 from cliport_episodes.capture_setup import CaptureSetup
 from cliport_episodes.message_types import decode, stamp_of
 from cliport_episodes.observation import Observation, observation_from_messages
 from cliport_episodes.observation_messages import messages_from_observation
-from cliport_perception.pose import Pose
 
 STAMP = 12_000_000_034
 
@@ -43,7 +43,8 @@ def test_an_observation_comes_back(seen: Observation, setup: CaptureSetup) -> No
 
 def test_every_message_says_when_it_was_sent_and_received(seen: Observation) -> None:
     joints = {"velocities": [0.5, 0.0], "efforts": [3.0, 0.0]}
-    messages = {raw.topic: raw for raw in messages_from_observation(seen, "camera", received_ns=STAMP + 5, **joints)}
+    sent = messages_from_observation(seen, "camera", "panda_link0", received_ns=STAMP + 5, **joints)
+    messages = {raw.topic: raw for raw in sent}
     assert {raw.stamp_ns for raw in messages.values()} == {STAMP + 5}
     decoded = {topic: decode(raw) for topic, raw in messages.items()}
     (link,) = decoded.pop("/tf_static").transforms

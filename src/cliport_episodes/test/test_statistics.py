@@ -11,15 +11,15 @@ import cv2
 import numpy as np
 import pytest
 
+from cliport_core.action import PickPlaceAction, Primitive
+from cliport_core.pose import PlanarPose
+from cliport_core.workspace import WorkspaceSpec
 from cliport_episodes.contact_sheet import draw_contact_sheet
 from cliport_episodes.data_set import DataSet, draw_statistics
 from cliport_episodes.demonstration import Source, StepRecord
 from cliport_episodes.errors import DiskError
 from cliport_episodes.statistics import Statistics, count_statistics
 from cliport_episodes.summary import EpisodeInfo
-from cliport_perception.pose import PlanarPose
-from cliport_perception.primitive import Primitive
-from cliport_perception.workspace import WorkspaceSpec
 
 
 def count(*episodes: list[StepRecord], success: bool | None = True) -> Statistics:
@@ -28,11 +28,10 @@ def count(*episodes: list[StepRecord], success: bool | None = True) -> Statistic
 
 
 def test_steps_are_counted(record: StepRecord) -> None:
-    sweep = replace(
-        record, instruction="Sweep the RED, red and blue blocks", primitive=Primitive.SWEEP, source=Source.EXPERT
-    )
-    s = count([record, sweep], [record], [])
-    assert (s.n_episodes, s.n_steps, s.n_executed, s.success) == (2, 3, 3, {"success": 2})
+    action = replace(record.action, primitive=Primitive.SWEEP)
+    sweep = replace(record, instruction="Sweep the RED, red and blue blocks", action=action, source=Source.EXPERT)
+    s = count([record, sweep], [replace(record, result=None)], [])
+    assert (s.n_episodes, s.n_steps, s.n_executed, s.success) == (2, 3, 2, {"success": 2})
     assert s.instructions == {record.instruction: 2, sweep.instruction: 1}
     assert s.color_words == {"red": 3, "green": 2, "blue": 1}
     assert s.primitives == {"pick_place": 2, "sweep": 1} and s.sources == {"clicked": 2, "expert": 1}
@@ -40,7 +39,7 @@ def test_steps_are_counted(record: StepRecord) -> None:
 
 def test_positions_are_counted_on_the_heightmaps_grid(record: StepRecord) -> None:
     workspace = WorkspaceSpec()
-    s = count([record, replace(record, place=PlanarPose(2.0, 0.0, 0.0))])
+    s = count([record, replace(record, action=replace(record.action, place=PlanarPose(2.0, 0.0, 0.0)))])
     assert s.picks.shape == workspace.shape and s.picks[workspace.xy_to_pixel(0.4, -0.1)] == 2
     assert s.places.sum() == 1 and s.outside == 1 and "outside the workspace" in s.biases()[-1]
     squares = s.squares(s.picks)
@@ -51,7 +50,8 @@ def test_bias_is_said(record: StepRecord) -> None:
     rng = np.random.default_rng(0)
 
     def at(x: float, y: float, text: str) -> StepRecord:
-        return replace(record, pick=PlanarPose(x, y, 0.0), place=PlanarPose(0.9 - x, -y, 0.0), instruction=text)
+        action = PickPlaceAction(PlanarPose(x, y, 0.0), PlanarPose(0.9 - x, -y, 0.0))
+        return replace(record, action=action, instruction=text)
 
     even = [at(rng.uniform(0.25, 0.65), rng.uniform(-0.4, 0.4), f"put block {n}") for n in range(80)]
     assert count(even).biases() == ()

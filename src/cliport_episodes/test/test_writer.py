@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import multiprocessing
 import os
 import resource
 from collections.abc import Callable
@@ -82,9 +83,57 @@ def test_steps_are_numbered_and_can_be_undone(writer: EpisodeWriter, scene: Scen
         writer.finish([], None)
 
 
+def test_another_step_does_not_inherit_what_the_undone_one_was_called(
+    writer: EpisodeWriter, data_set: DataSet, scene: Scene, record: StepRecord
+) -> None:
+    for moment in range(2):
+        writer.add_step(scene(moment), replace(record, instruction=f"do {moment}"))
+    writer.close()
+    data_set.relabel(writer.name, "do it well", step=1)
+    data_set.relabel(writer.name, "begin", step=0)
+    resumed = EpisodeWriter.resume(writer.path)
+    resumed.undo_step()
+    resumed.add_step(scene(2), replace(record, instruction="do 2"))
+    assert [step.record.instruction for step in read_episode(writer.path).steps] == ["begin", "do 2"]
+    resumed.close()
+    assert [step.record.instruction for step in read_episode(writer.path).steps] == ["begin", "do 2"]
+
+
+def test_an_undone_step_comes_back_until_another_is_added(
+    writer: EpisodeWriter, scene: Scene, record: StepRecord
+) -> None:
+    def texts() -> list[str]:
+        return [step.record.instruction for step in read_episode(writer.path).steps]
+
+    for moment in range(3):
+        writer.add_step(scene(moment), replace(record, instruction=f"do {moment}"))
+    whole = {path.name: path.read_bytes() for path in writer.path.glob("*.mcap")}
+    assert not writer.restorable()
+    writer.undo_step()
+    writer.undo_step()
+    writer.close()
+    again = EpisodeWriter.resume(writer.path)
+    for _ in range(2):
+        assert again.restorable()
+        again.restore_step()
+    assert texts() == ["do 0", "do 1", "do 2"] and not again.restorable()
+    assert {path.name: path.read_bytes() for path in writer.path.glob("*.mcap")} == whole
+    with Reader(writer.path) as reader:
+        assert reader.message_count == 3 * 9
+    again.undo_step()
+    again.undo_step()
+    again.add_step(scene(3), replace(record, instruction="do 3"))
+    with pytest.raises(EpisodeError, match="no step to bring back"):
+        again.restore_step()  # it is older than the one that took its place
+    again.undo_step()
+    again.restore_step()
+    assert texts() == ["do 0", "do 3"]
+
+
 def test_a_finished_episode_says_how_it_ended(writer: EpisodeWriter, scene: Scene, record: StepRecord) -> None:
     writer.add_step(scene(0), record)
-    assert read_episode(writer.path).final is None and not read_episode(writer.path).finished
+    unfinished = read_episode(writer.path)
+    assert (unfinished.final, unfinished.finished, unfinished.complaints) == (None, False, ())
     writer.finish(scene(1), False)
     episode = read_episode(writer.path)
     assert (episode.success, episode.finished, episode.complaints) == (False, True, ())
@@ -187,13 +236,21 @@ def test_a_full_disk_leaves_the_steps_before_whole(
 
 
 def test_a_file_that_may_not_grow_is_a_full_disk(writer: EpisodeWriter, scene: Scene, record: StepRecord) -> None:
-    noise = np.random.default_rng(0).bytes(3_000_000)
-    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (1_500_000, hard))
-    try:
-        with pytest.raises(DiskFullError):
-            writer.add_step([replace(scene(0)[0], data=noise)], record)
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    noise = replace(scene(0)[0], data=np.random.default_rng(0).bytes(3_000_000))
+
+    def fill() -> None:
+        """Runs in a process of its own: pytest's files may grow."""
+        resource.setrlimit(resource.RLIMIT_FSIZE, (1_500_000, 1_500_000))
+        try:
+            writer.add_step([noise], record)
+        except DiskFullError:
+            os._exit(7)
+        os._exit(1)
+
+    child = multiprocessing.get_context("fork").Process(target=fill)
+    child.start()
+    child.join()
+    assert child.exitcode == 7
+    assert not list(writer.path.glob("*.mcap"))
     writer.add_step(scene(0), record)
     assert len(read_episode(writer.path).steps) == 1

@@ -1,4 +1,4 @@
-"""Whether the camera's data is fit to act on, and what to say when it is not."""
+"""A judgement of the camera's data: fit to act on, or the line that says why not."""
 
 from __future__ import annotations
 
@@ -18,7 +18,11 @@ class Level(IntEnum):
 
 @dataclass(frozen=True)
 class HealthLimits:
-    """max_age_s: how old a frame may be [s]; min_valid_fraction: share of the workspace that must be seen."""
+    """Limits of what is fit to act on.
+
+    max_age_s: how old a frame may be [s]; min_valid_fraction: share of the workspace that must be seen;
+    max_drop_fraction: share of the images that may stay without a partner.
+    """
 
     max_age_s: float = 1.0
     min_valid_fraction: float = 0.05
@@ -38,7 +42,7 @@ class CameraHealth:
     """Collects what happens to frames and sums it up; all times [ns] are handed in."""
 
     def __init__(self, topics: dict[str, str], limits: HealthLimits) -> None:
-        """topics: stream name -> topic name, for messages."""
+        """Begin with nothing seen. topics: the topic of each stream, for messages."""
         self._topics = topics
         self._limits = limits
         self._seen: set[str] = set()
@@ -49,11 +53,11 @@ class CameraHealth:
         self.served = 0
 
     def on_message(self, stream: str) -> None:
-        """A message of a stream came, whatever it holds."""
+        """Note that a message of a stream came, whatever it holds."""
         self._seen.add(stream)
 
     def check_age(self, stamp_ns: int, now_ns: int) -> str | None:
-        """Note a matched frame; returns why it must not be served, or None when its age is right."""
+        """Note a matched frame; return why it must not be served, or None when its age is right."""
         if self._arrivals and now_ns < self._arrivals[-1]:
             self._arrivals.clear()
         self._arrivals.append(now_ns)
@@ -61,7 +65,7 @@ class CameraHealth:
         return self._age_fault(now_ns)
 
     def check_valid_fraction(self, fraction: float) -> str | None:
-        """Note how much of the workspace a frame shows; returns why it must not be served, or None."""
+        """Note the share of the workspace that a frame shows; return why it must not be served, or None."""
         self._valid_fraction = fraction
         if fraction >= self._limits.min_valid_fraction:
             return None
@@ -72,16 +76,16 @@ class CameraHealth:
         )
 
     def on_fault(self, message: str) -> None:
-        """A frame could not be served."""
+        """Note why a frame could not be served."""
         self._fault = message
 
     def on_served(self) -> None:
-        """A frame was served."""
+        """Note that a frame was served."""
         self._fault = None
         self.served += 1
 
     def report(self, now_ns: int, matches: int, drops: int) -> HealthReport:
-        """The state at `now_ns`; matches and drops are the synchroniser's counts since the last report."""
+        """Return the state at `now_ns`; matches and drops are the synchroniser's counts since the last report."""
         values = self._values(now_ns, drops)
         missing = [topic for stream, topic in self._topics.items() if stream not in self._seen]
         if missing:

@@ -1,4 +1,4 @@
-"""Pinhole camera with the distortion models that ROS cameras announce."""
+"""A pinhole camera with the distortion models that ROS cameras announce."""
 
 from __future__ import annotations
 
@@ -59,16 +59,16 @@ class CameraModel:
 
     @property
     def matrix(self) -> npt.NDArray[np.float64]:
-        """K, (3, 3)."""
+        """The camera matrix K (3, 3)."""
         return np.array([[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])
 
     @property
     def is_distorted(self) -> bool:
-        """Whether any distortion coefficient differs from zero."""
+        """True if any distortion coefficient differs from zero."""
         return any(self.distortion)
 
     def rays(self) -> npt.NDArray[np.float32]:
-        """Directions (H, W, 3) of the pixel centres in the optical frame, with z = 1; read-only, cached."""
+        """Return directions (H, W, 3) of the pixel centres in the optical frame, with z = 1; read-only, cached."""
         return self._rays
 
     @cached_property
@@ -89,7 +89,7 @@ class CameraModel:
         return rays
 
     def project(self, points: npt.ArrayLike) -> npt.NDArray[np.float64]:
-        """Pixels (N, 2) as (row, col), fractional, of points (N, 3) [m] in the optical frame."""
+        """Return pixels (N, 2) as (row, col), fractional, of points (N, 3) [m] in the optical frame."""
         xyz = np.asarray(points, dtype=np.float64).reshape(-1, 1, 3)
         coefficients = np.asarray(self.distortion) if self.is_distorted else np.zeros(5)
         image, _ = cv2.projectPoints(xyz, np.zeros(3), np.zeros(3), self.matrix, coefficients)

@@ -1,81 +1,27 @@
-"""ROS messages <-> this package's types; pure functions."""
+"""ROS messages to and from cameras, clouds and diagnostics: pure functions."""
 
 from __future__ import annotations
 
 from array import array
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from geometry_msgs.msg import Pose as PoseMsg
-from geometry_msgs.msg import Transform
-from sensor_msgs.msg import CameraInfo, Image, PointCloud2, PointField
+from rclpy.serialization import deserialize_message
+from sensor_msgs.msg import CameraInfo, PointCloud2, PointField
 
-from cliport_interfaces.msg import Heightmap as HeightmapMsg
-from cliport_interfaces.msg import WorkspaceSpec as WorkspaceSpecMsg
+from cliport_core.errors import ImageError
+from cliport_core.messages import stamp_to_msg
+from cliport_core.raw_header import CDR_HEAD
 from cliport_perception.camera_health import HealthReport
 from cliport_perception.camera_model import CameraModel
-from cliport_perception.clouds import POINT_STEP, cloud_points
-from cliport_perception.errors import ImageError
-from cliport_perception.heightmap import Heightmap
-from cliport_perception.images import ImageBuffer, decode_color, decode_depth
-from cliport_perception.pose import Pose
-from cliport_perception.workspace import WorkspaceSpec
+from cliport_perception.clouds import POINT_STEP
 
-_NS = 1_000_000_000
-
-
-def stamp_to_msg(stamp_ns: int) -> Time:
-    return Time(sec=stamp_ns // _NS, nanosec=stamp_ns % _NS)
-
-
-def stamp_from_msg(stamp: Time) -> int:
-    return int(stamp.sec) * _NS + int(stamp.nanosec)
-
-
-def pose_to_msg(pose: Pose) -> PoseMsg:
-    message = PoseMsg()
-    message.position.x, message.position.y, message.position.z = (float(v) for v in pose.translation)
-    x, y, z, w = (float(v) for v in pose.as_quaternion_xyzw())
-    message.orientation.x, message.orientation.y = x, y
-    message.orientation.z, message.orientation.w = z, w
-    return message
-
-
-def pose_from_msg(message: PoseMsg) -> Pose:
-    """Raises ValueError when a number is not finite or the quaternion is zero."""
-    p, q = message.position, message.orientation
-    return Pose.from_quaternion_xyzw((q.x, q.y, q.z, q.w), (p.x, p.y, p.z))
-
-
-def pose_to_transform_msg(pose: Pose) -> Transform:
-    as_pose = pose_to_msg(pose)
-    message = Transform(rotation=as_pose.orientation)
-    message.translation.x = as_pose.position.x
-    message.translation.y = as_pose.position.y
-    message.translation.z = as_pose.position.z
-    return message
-
-
-def pose_from_transform_msg(message: Transform) -> Pose:
-    """Raises ValueError when a number is not finite or the quaternion is zero."""
-    t, q = message.translation, message.rotation
-    return Pose.from_quaternion_xyzw((q.x, q.y, q.z, q.w), (t.x, t.y, t.z))
-
-
-def workspace_to_msg(workspace: WorkspaceSpec) -> WorkspaceSpecMsg:
-    return WorkspaceSpecMsg(**workspace.to_dict())
-
-
-def workspace_from_msg(message: WorkspaceSpecMsg) -> WorkspaceSpec:
-    """Raises WorkspaceError when the numbers make no grid."""
-    return WorkspaceSpec.from_dict({name: getattr(message, name) for name in WorkspaceSpec().to_dict()})
+_AFTER_STAMP = CDR_HEAD + 8  # bytes
 
 
 def camera_to_msg(camera: CameraModel) -> CameraInfo:
-    """Intrinsics of an unrectified camera; the header is left to the caller."""
+    """Return the intrinsics of an unrectified camera; the header is left to the caller."""
     k = camera.matrix
     projection = np.zeros((3, 4))
     projection[:, :3] = k
@@ -89,7 +35,7 @@ def camera_to_msg(camera: CameraModel) -> CameraInfo:
 
 
 def camera_from_msg(message: CameraInfo, rectified: bool = False) -> CameraModel:
-    """The camera model of raw images (K, D), or of rectified ones (P, no distortion).
+    """Return the camera model of raw images (K, D), or of rectified ones (P, no distortion).
 
     Raises:
         CameraModelError: on intrinsics that cannot be used.
@@ -107,97 +53,59 @@ def camera_from_msg(message: CameraInfo, rectified: bool = False) -> CameraModel
     )
 
 
-def image_to_msg(pixels: npt.NDArray[Any], encoding: str) -> Image:
-    """An Image of (H, W) or (H, W, C) pixels, little-endian; the header is left to the caller."""
-    little = np.ascontiguousarray(pixels, dtype=pixels.dtype.newbyteorder("<"))
-    data = array("B")
-    data.frombytes(memoryview(little).cast("B"))
-    message = Image(height=pixels.shape[0], width=pixels.shape[1], encoding=encoding, is_bigendian=0)
-    message.step = little.nbytes // pixels.shape[0]
-    message.data = data
-    return message
+class CameraReader:
+    """Reader of serialized CameraInfo messages: it gives the same object as long as only the stamp changes.
+
+    rectified: for images that are rectified already.
+    """
+
+    def __init__(self, rectified: bool = False) -> None:
+        self._rectified = rectified
+        self._last: tuple[bytes, CameraModel] | None = None
+
+    def read(self, raw: bytes) -> CameraModel:
+        """Return the camera model of a message. Raises CameraModelError on intrinsics that cannot be used."""
+        content = raw[_AFTER_STAMP:]
+        if self._last is None or self._last[0] != content:
+            self._last = content, camera_from_msg(deserialize_message(raw, CameraInfo), self._rectified)
+        return self._last[1]
 
 
-def color_from_msg(message: Image) -> npt.NDArray[np.uint8]:
-    """(H, W, 3) RGB. Raises ImageError, EncodingError."""
-    return decode_color(_buffer(message))
-
-
-def depth_from_msg(message: Image) -> npt.NDArray[np.float32]:
-    """(H, W) float32 [m], NaN where unknown. Raises ImageError, EncodingError."""
-    return decode_depth(_buffer(message))
-
-
-def _buffer(message: Image) -> ImageBuffer:
-    return ImageBuffer(
-        memoryview(message.data),
-        message.height,
-        message.width,
-        message.step,
-        message.encoding,
-        bool(message.is_bigendian),
-    )
-
-
-def heightmap_to_msg(heightmap: Heightmap, frame_id: str) -> HeightmapMsg:
-    message = HeightmapMsg(workspace=workspace_to_msg(heightmap.workspace))
-    message.header.frame_id = frame_id
-    message.header.stamp = stamp_to_msg(heightmap.stamp_ns)
-    message.color = image_to_msg(heightmap.color, "rgb8")
-    message.height = image_to_msg(heightmap.height, "32FC1")
-    message.valid = image_to_msg(heightmap.valid.astype(np.uint8) * np.uint8(255), "mono8")
-    for image in (message.color, message.height, message.valid):
-        image.header = message.header
-    return message
-
-
-def heightmap_from_msg(message: HeightmapMsg) -> Heightmap:
-    """Raises WorkspaceError, ImageError."""
-    workspace = workspace_from_msg(message.workspace)
-    expected = (("color", "rgb8", "u1", 3), ("height", "32FC1", "<f4", 1), ("valid", "mono8", "u1", 1))
-    arrays = []
-    for name, encoding, dtype, channels in expected:
-        image = getattr(message, name)
-        size = workspace.rows * workspace.cols * channels * np.dtype(dtype).itemsize
-        fits = (image.height, image.width) == workspace.shape and len(image.data) == size
-        if not fits or image.encoding != encoding or image.is_bigendian:
-            raise ImageError(
-                f"heightmap {name} must be {workspace.shape} {encoding}, "
-                f"got {(image.height, image.width)} {image.encoding} in {len(image.data)} bytes"
-            )
-        arrays.append(np.frombuffer(image.data, dtype=dtype))
-    return Heightmap(
-        arrays[0].reshape(*workspace.shape, 3),
-        arrays[1].astype(np.float32).reshape(workspace.shape),
-        arrays[2].reshape(workspace.shape) > 0,
-        workspace,
-        stamp_from_msg(message.header.stamp),
-    )
-
-
-def cloud_to_msg(data: array[int], height: int, width: int, frame_id: str, stamp_ns: int) -> PointCloud2:
-    """A PointCloud2 around a buffer of `CloudBuilder` (not copied)."""
-    message = PointCloud2(height=height, width=width, point_step=POINT_STEP, row_step=POINT_STEP * width)
+def cloud_to_msg(data: array[int], frame_id: str, stamp_ns: int) -> PointCloud2:
+    """Return a PointCloud2 around a buffer of `CloudBuilder` (not copied)."""
+    message = PointCloud2(height=1, width=len(data) // POINT_STEP, point_step=POINT_STEP, row_step=len(data))
     message.header.frame_id = frame_id
     message.header.stamp = stamp_to_msg(stamp_ns)
-    layout = (("x", 0), ("y", 4), ("z", 8), ("rgb", 16))
+    layout = (("x", 0), ("y", 4), ("z", 8), ("rgb", 12))
     message.fields = [PointField(name=n, offset=o, datatype=PointField.FLOAT32, count=1) for n, o in layout]
-    message.is_dense = False
+    message.is_dense = True
     message.data = data
     return message
 
 
 def cloud_points_from_msg(message: PointCloud2) -> npt.NDArray[np.float32]:
-    """xyz (N, 3) float32 [m] of a cloud in this package's layout. Raises ImageError for other layouts."""
-    offsets = {f.name: f.offset for f in message.fields}
-    size = message.height * message.width * POINT_STEP
-    plain = message.point_step == POINT_STEP and not message.is_bigendian and len(message.data) == size
-    if not plain or (offsets.get("x"), offsets.get("y"), offsets.get("z")) != (0, 4, 8):
-        raise ImageError("point cloud is not laid out as depth_image_proc's xyzrgb (32 bytes a point)")
-    return cloud_points(memoryview(message.data), message.height, message.width)
+    """Return xyz (N, 3) float32 [m] of a cloud of this package or of depth_image_proc, in any little-endian layout.
+
+    Raises:
+        ImageError: when x, y and z are not there as float32, or the buffer is too short.
+    """
+    offsets = {f.name: f.offset for f in message.fields if f.datatype == PointField.FLOAT32 and f.count == 1}
+    if message.is_bigendian or not {"x", "y", "z"} <= set(offsets):
+        names = ", ".join(f.name for f in message.fields) or "none"
+        raise ImageError(f"the point cloud must have x, y and z as little-endian float32; its fields are {names}")
+    h, w, step = message.height, message.width, message.point_step
+    size = len(message.data)
+    if max(offsets[axis] for axis in "xyz") + 4 > step or w * step > message.row_step or size < h * message.row_step:
+        raise ImageError(f"a point cloud of {w}x{h} points of {step} bytes does not fit into {size} bytes")
+    points: npt.NDArray[np.float32] = np.empty((h, w, 3), dtype=np.float32)
+    for axis, name in enumerate("xyz"):
+        strides = (message.row_step, step)
+        points[..., axis] = np.ndarray((h, w), "<f4", memoryview(message.data), offsets[name], strides) if size else 0
+    return points.reshape(-1, 3)
 
 
 def diagnostics_to_msg(name: str, report: HealthReport, stamp_ns: int) -> DiagnosticArray:
+    """Return a report as the status of the camera called `name`."""
     status = DiagnosticStatus(level=bytes([int(report.level)]), name=name, message=report.message)
     status.hardware_id = "camera"
     status.values = [KeyValue(key=key, value=value) for key, value in report.values.items()]

@@ -1,4 +1,4 @@
-"""Frames of one camera -> heightmaps and clouds, each at its own rate, or the reason why not."""
+"""The processing of one camera's frames into heightmaps and clouds, each at its own rate."""
 
 from __future__ import annotations
 
@@ -8,35 +8,46 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from cliport_core.heightmap import Heightmap
+from cliport_core.pose import Pose
+from cliport_core.workspace import WorkspaceSpec
 from cliport_perception.camera_health import CameraHealth
 from cliport_perception.camera_model import CameraModel
-from cliport_perception.clouds import CloudBuilder
+from cliport_perception.clouds import MARGIN, CloudBuilder, CloudRegion
 from cliport_perception.errors import UnfitFrameError
-from cliport_perception.heightmap import Heightmap
 from cliport_perception.heightmap_builder import HeightmapBuilder
-from cliport_perception.pose import Pose
-from cliport_perception.workspace import WorkspaceSpec
 
 
 class FrameProducts(NamedTuple):
-    """heightmap of a frame; cloud: the buffer of `CloudBuilder`, or None when none is due."""
+    """The heightmap of a frame, and its cloud: the buffer of `CloudBuilder`, or None when none is due."""
 
     heightmap: Heightmap
     cloud: array[int] | None
 
 
 class FrameProcessor:
-    """Keeps the rays of the current camera and pose, and the rates: heightmap_hz and points_hz at most."""
+    """Keeps the rays of the current camera and pose, and the rates: heightmap_hz and points_hz at most.
 
-    def __init__(self, workspace: WorkspaceSpec, health: CameraHealth, heightmap_hz: float, points_hz: float) -> None:
+    points_margin: how far beyond the workspace the cloud reaches [m].
+    """
+
+    def __init__(
+        self,
+        workspace: WorkspaceSpec,
+        health: CameraHealth,
+        heightmap_hz: float,
+        points_hz: float,
+        points_margin: float = MARGIN,
+    ) -> None:
         self._workspace = workspace
+        self._region = CloudRegion.around(workspace, points_margin)
         self._health = health
         self._heightmap_rate = _Rate(heightmap_hz)
         self._points_rate = _Rate(points_hz)
         self._builders: tuple[HeightmapBuilder, CloudBuilder] | None = None
 
     def admits(self, stamp_ns: int, now_ns: int) -> bool:
-        """Whether a heightmap is due for a frame.
+        """Return True if a heightmap is due for a frame.
 
         Raises:
             UnfitFrameError: when the frame is too old, or from the future.
@@ -52,7 +63,7 @@ class FrameProcessor:
         camera_in_base: Pose,
         stamp_ns: int,
     ) -> FrameProducts:
-        """Products of color (H, W, 3) RGB and depth_m (H, W) [m], NaN where unknown.
+        """Make the products of color (H, W, 3) RGB and depth_m (H, W) [m], NaN where unknown.
 
         Raises:
             ImageError: when an image does not have the camera's size.
@@ -73,7 +84,10 @@ class FrameProcessor:
         current = self._builders
         if current and current[1].camera == camera and current[1].camera_in_base.is_close(pose):
             return current
-        self._builders = HeightmapBuilder(camera, pose, self._workspace), CloudBuilder(camera, pose)
+        self._builders = (
+            HeightmapBuilder(camera, pose, self._workspace),
+            CloudBuilder(camera, pose, self._region),
+        )
         return self._builders
 
 

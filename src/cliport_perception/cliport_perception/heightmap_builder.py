@@ -1,4 +1,4 @@
-"""Depth and colour images -> heightmap, fast: rays are computed once per camera pose."""
+"""The fast way from depth and colour images to a heightmap: rays are computed once per camera pose."""
 
 from __future__ import annotations
 
@@ -9,12 +9,11 @@ from typing import TypeAlias
 import numpy as np
 import numpy.typing as npt
 
+from cliport_core.errors import ImageError
+from cliport_core.heightmap import Heightmap
+from cliport_core.pose import Pose
+from cliport_core.workspace import WorkspaceSpec
 from cliport_perception.camera_model import CameraModel
-from cliport_perception.errors import ImageError
-from cliport_perception.heightmap import Heightmap
-from cliport_perception.images import MAX_DEPTH_M
-from cliport_perception.pose import Pose
-from cliport_perception.workspace import WorkspaceSpec
 
 FloatImage: TypeAlias = npt.NDArray[np.float32]
 
@@ -58,7 +57,7 @@ class HeightmapBuilder:
         self._height_steps = (workspace.z_max - workspace.z_min) / _HEIGHT_STEP
 
     def build(self, color: npt.NDArray[np.uint8], depth_m: FloatImage, stamp_ns: int = 0) -> Heightmap:
-        """One heightmap from color (H, W, 3) RGB and depth_m (H, W) [m], not finite or <= 0 where unknown.
+        """Make a heightmap from color (H, W, 3) RGB and depth_m (H, W) [m], not finite or <= 0 where unknown.
 
         Raises:
             ImageError: when an image does not have the camera's size.
@@ -66,10 +65,11 @@ class HeightmapBuilder:
         self._check_sizes(color, depth_m)
         rows, cols = self.workspace.shape
         keys: npt.NDArray[np.int64] = np.full(rows * cols, -1, dtype=np.int64)
-        depth = np.array(depth_m[self._roi], dtype=np.float32)
+        depth = np.asarray(depth_m[self._roi], dtype=np.float32)
         if depth.size:
-            depth[~((depth > 0.0) & (depth < MAX_DEPTH_M))] = np.nan
-            self._splat(depth, keys)
+            # What is not known is NaN or infinite, or lies at or behind the camera: all outside the workspace.
+            with np.errstate(invalid="ignore"):
+                self._splat(depth, keys)
         seen = keys >= 0
         height: FloatImage = np.zeros(rows * cols, dtype=np.float32)
         flat_color: npt.NDArray[np.uint8] = np.zeros((rows * cols, 3), dtype=np.uint8)
@@ -154,7 +154,7 @@ def heightmap_from_rgbd(
     workspace: WorkspaceSpec,
     stamp_ns: int = 0,
 ) -> Heightmap:
-    """One frame -> heightmap; builders are cached, so repeated calls with the same camera are fast.
+    """Make one frame's heightmap; builders are cached, so repeated calls with the same camera are fast.
 
     color: (H, W, 3) uint8 RGB; depth_m: (H, W) float32 [m] along the optical axis, not finite or <= 0 where
     unknown; camera_in_base: pose of the optical frame in the base frame.
@@ -172,7 +172,7 @@ _STEPS = ((1, 0), (0, 1), (1, 1))  # to the lower neighbour, to the right one, o
 
 
 def _same_surface(depth: FloatImage, step: tuple[int, int], max_step: float) -> npt.NDArray[np.bool_]:
-    """Where depth (h, w) is known and smooth from a pixel to its neighbours `step` away."""
+    """Return a mask of the pixels whose depth (h, w) is known and smooth up to the neighbours `step` away."""
     if step == (1, 1):
         top = _same_surface(depth, (0, 1), max_step)
         left = _same_surface(depth, (1, 0), max_step)
@@ -191,7 +191,7 @@ def _blend(first: FloatImage, second: FloatImage, share: float) -> FloatImage:
 def _region_that_sees(
     rays: npt.NDArray[np.float32], camera_in_base: Pose, workspace: WorkspaceSpec
 ) -> tuple[slice, slice]:
-    """The image rows and columns whose rays (H, W, 3) meet the workspace's volume (slab test)."""
+    """Return the image rows and columns whose rays (H, W, 3) meet the workspace's volume (slab test)."""
     low = np.array([workspace.x_min, workspace.y_min, workspace.z_min]) - camera_in_base.translation
     high = np.array([workspace.x_max, workspace.y_max, workspace.z_max]) - camera_in_base.translation
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -212,7 +212,7 @@ def _region_that_sees(
 
 
 def _splits_per_pixel(rays: npt.NDArray[np.float32], camera_in_base: Pose, workspace: WorkspaceSpec) -> tuple[int, int]:
-    """How many samples (down, right) a pixel needs for the workspace's floor to have one in every cell."""
+    """Return the samples (down, right) that a pixel needs for one in every cell of the workspace's floor."""
     drop = workspace.z_min - camera_in_base.translation[2]
     with np.errstate(divide="ignore", invalid="ignore"):
         xy = rays[:2] * (drop / rays[2])  # (2, h, w): where the rays meet the floor

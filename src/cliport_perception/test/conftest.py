@@ -8,7 +8,8 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from cliport_perception import CameraModel, Pose
+from cliport_core import Pose
+from cliport_perception import CameraModel
 
 # the logic is tested without any build; these two need the built messages
 collect_ignore = [] if find_spec("cliport_interfaces") else ["test_conversions.py", "test_node.py"]

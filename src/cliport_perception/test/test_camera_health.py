@@ -1,7 +1,7 @@
 from __future__ import annotations
 
+from cliport_core.throttle import MessageThrottle
 from cliport_perception.camera_health import CameraHealth, HealthLimits, Level
-from cliport_perception.throttle import MessageThrottle
 
 TOPICS = {"color": "/c", "depth": "/d", "camera_info": "/i"}
 S = 1_000_000_000

@@ -3,7 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cliport_perception import Pose, UnfitFrameError, WorkspaceSpec
+from cliport_core import Pose, WorkspaceSpec
+from cliport_perception import UnfitFrameError
 from cliport_perception.camera_health import CameraHealth, HealthLimits
 from cliport_perception.frame_processor import FrameProcessor
 

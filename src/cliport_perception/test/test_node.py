@@ -16,9 +16,12 @@ from ros_domain import next_domain
 from sensor_msgs.msg import CameraInfo, Image, PointCloud2
 from tf2_msgs.msg import TFMessage
 
+from cliport_core import messages
+from cliport_core.topics import CAMERA_INFO, COLOR, DEPTH
 from cliport_interfaces.msg import Heightmap as HeightmapMsg
 from cliport_perception import conversions
-from cliport_perception.node import CAMERA_INFO, COLOR, DEPTH, PerceptionNode, main
+from cliport_perception.clouds import MARGIN
+from cliport_perception.node import PerceptionNode, main
 
 FRAME = "camera_color_optical_frame"
 
@@ -52,19 +55,19 @@ class FakeCamera:
     def publish_tf(self) -> None:
         link = TransformStamped(child_frame_id=FRAME)
         link.header.frame_id = "panda_link0"
-        link.transform = conversions.pose_to_transform_msg(self.scene.camera_in_base)
+        link.transform = messages.pose_to_transform_msg(self.scene.camera_in_base)
         self.tf.publish(TFMessage(transforms=[link]))
 
     def publish(self, depth=None, age_s: float = 0.0, color_encoding: str = "rgb8", frame: str = FRAME) -> int:
         stamp_ns = self.node.get_clock().now().nanoseconds - int(age_s * 1e9)
         depth = self.scene.depth if depth is None else depth
-        messages = (
+        frames = (
             (self.info, conversions.camera_to_msg(self.scene.camera), frame),
-            (self.color, conversions.image_to_msg(self.scene.color, color_encoding), frame),
-            (self.depth, conversions.image_to_msg(depth, "32FC1"), FRAME),
+            (self.color, messages.image_to_msg(self.scene.color, color_encoding), frame),
+            (self.depth, messages.image_to_msg(depth, "32FC1"), FRAME),
         )
-        for publisher, message, frame_id in messages:
-            message.header.stamp = conversions.stamp_to_msg(stamp_ns)
+        for publisher, message, frame_id in frames:
+            message.header.stamp = messages.stamp_to_msg(stamp_ns)
             message.header.frame_id = frame_id
             publisher.publish(message)
         return stamp_ns
@@ -105,10 +108,11 @@ def test_fresh_frames_are_served_once_the_camera_is_placed(fake: FakeCamera) -> 
     assert not fake.heightmaps
     fake.publish_tf()
     assert fake.until(lambda: bool(fake.heightmaps and fake.clouds))
-    heightmap = conversions.heightmap_from_msg(fake.heightmaps[-1])
+    heightmap = messages.heightmap_from_msg(fake.heightmaps[-1])
     assert fake.heightmaps[-1].header.frame_id == fake.clouds[-1].header.frame_id == "panda_link0"
     assert heightmap.height[heightmap.workspace.xy_to_pixel(0.42, -0.08)] == pytest.approx(0.04, abs=0.003)
-    assert len(conversions.cloud_points_from_msg(fake.clouds[-1])) == 540 * 960
+    points = conversions.cloud_points_from_msg(fake.clouds[-1])
+    assert 100_000 < len(points) < 540 * 960 and np.abs(points[:, 1]).max() <= 0.4 + MARGIN
     assert fake.until(fake.reported(0, "camera data is fresh"))
 
 
@@ -154,7 +158,7 @@ def test_a_parameter_of_the_wrong_type_ends_in_one_line(capsys: pytest.CaptureFi
 def test_the_camera_is_heard_as_reliably_as_it_speaks(fake: FakeCamera) -> None:
     fake.publish_tf()
     assert fake.until(lambda: bool(fake.heightmaps))
-    inputs = fake.perception._inputs
+    inputs = fake.perception._camera.subscriptions
     assert not any(subscription.is_reliable for subscription in inputs.values())
     for name in ("color", "depth", "info"):
         old = getattr(fake, name)

@@ -1,1 +1,1 @@
-"""The page on which a person demonstrates: draw a box, click a rotation, watch the arm do it."""
+"""Demonstration page: a person draws a box and clicks a rotation, and the arm does it."""

@@ -1,20 +1,20 @@
-"""Arguments of commands, as they come from outside: taken only when they are what they should be."""
+"""Checked arguments of commands, which come from outside."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from typing import Any
 
+from cliport_core.action import Primitive
+from cliport_core.errors import InstructionError
+from cliport_core.instruction import normalized_instruction
 from cliport_episodes.demonstration import PixelBox
-from cliport_episodes.errors import InstructionError
-from cliport_episodes.names import check_instruction
 from cliport_perception.camera_model import CameraModel
-from cliport_perception.primitive import Primitive
 from demo_tool.errors import CommandError
 
 
 def text_of(arguments: Mapping[str, Any], name: str) -> str:
-    """A string. Raises CommandError."""
+    """Return a string argument. Raises CommandError."""
     value = arguments.get(name)
     if not isinstance(value, str):
         raise CommandError(f"'{name}' must be a text, got {_shown(value)}")
@@ -22,7 +22,7 @@ def text_of(arguments: Mapping[str, Any], name: str) -> str:
 
 
 def number_of(arguments: Mapping[str, Any], name: str, low: int, high: int) -> int:
-    """A whole number of low..high. Raises CommandError."""
+    """Return a whole number from low to high. Raises CommandError."""
     value = arguments.get(name)
     if isinstance(value, bool) or not isinstance(value, (int, float)) or value != value // 1:
         raise CommandError(f"'{name}' must be a whole number, got {_shown(value)}")
@@ -32,7 +32,7 @@ def number_of(arguments: Mapping[str, Any], name: str, low: int, high: int) -> i
 
 
 def verdict_of(arguments: Mapping[str, Any], name: str = "success") -> bool | None:
-    """True, False or None (not said). Raises CommandError."""
+    """Return True, False or None (not judged). Raises CommandError."""
     value = arguments.get(name)
     if value is not None and not isinstance(value, bool):
         raise CommandError(f"'{name}' must be true, false or null, got {_shown(value)}")
@@ -40,18 +40,15 @@ def verdict_of(arguments: Mapping[str, Any], name: str = "success") -> bool | No
 
 
 def instruction_of(arguments: Mapping[str, Any], name: str = "text") -> str:
-    """One line in any script, without doubled blanks; it may be empty. Raises CommandError."""
-    value = text_of(arguments, name)
-    if not value.strip():
-        return ""
+    """Return an instruction as one line in any script, without doubled blanks; it may be empty. Raises CommandError."""
     try:
-        return " ".join(check_instruction(value).split())
+        return normalized_instruction(text_of(arguments, name))
     except InstructionError as error:
         raise CommandError(str(error)) from None
 
 
 def primitive_of(arguments: Mapping[str, Any], name: str = "name") -> Primitive:
-    """By its name in small letters. Raises CommandError."""
+    """Return a primitive by its name in small letters. Raises CommandError."""
     value = text_of(arguments, name)
     known = {primitive.name.lower(): primitive for primitive in Primitive}
     if value not in known:
@@ -60,7 +57,7 @@ def primitive_of(arguments: Mapping[str, Any], name: str = "name") -> Primitive:
 
 
 def box_of(arguments: Mapping[str, Any], camera: CameraModel) -> PixelBox:
-    """A box of the picture, [top, left, bottom, right] in pixels, rounded. Raises CommandError."""
+    """Return the argument `box`, [top, left, bottom, right] in pixels of the picture, rounded. Raises CommandError."""
     value = arguments.get("box")
     numbers = isinstance(value, (list, tuple)) and len(value) == 4
     if not numbers or not all(_is_number(v) for v in value):  # type: ignore[union-attr]

@@ -1,4 +1,7 @@
-"""What a box on the picture means: the cloud in it, cropped to the finger height, and its centroid (paper, D)."""
+"""Target of a box on the picture: the cloud in it, cropped to the finger height, and its centroid.
+
+See docs/paper.md, "Real robot".
+"""
 
 from __future__ import annotations
 
@@ -8,29 +11,29 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from cliport_core.action import Primitive
+from cliport_core.pose import PlanarPose
+from cliport_core.workspace import WorkspaceSpec
 from cliport_episodes.demonstration import PixelBox
-from cliport_perception.pose import PlanarPose
-from cliport_perception.primitive import Primitive
-from cliport_perception.workspace import WorkspaceSpec
 from demo_tool.errors import BoxError
 from demo_tool.live_view import LiveView
 from demo_tool.station_config import BoxConfig
+from panda_model import HandModel
 
 FloatArray = npt.NDArray[np.float64]
 
-_TOP_SHARE = 0.01  # of the points, which may be noise above the top
-_SHOWN = 400  # pixels of the cloud that are drawn at most
-# The hand, as panda_executor has it in hand_geometry.py and config.py [m].
-_OPENINGS = {Primitive.PICK_PLACE: 0.08, Primitive.SWEEP: 0.0, Primitive.FOLD: 0.03}
-_FINGER_HALF_WIDTH = 0.0105
-_FINGER_THICKNESS = 0.0152
-_SAME_PLACE = 1e-6  # a shorter way has no direction [m]
+_NOISE_SHARE = 0.01  # of the points, which may be noise above the top
+_MAX_DRAWN_PIXELS = 400  # of the cloud
+_MIN_SWEEP_LENGTH = 1e-6  # a shorter way has no direction [m]
 
 
 @dataclass(frozen=True, eq=False)
 class BoxTarget:
-    """centroid: (3,) [m, base frame]; pixels: (N, 2) (row, col) of the points behind it; top: of what is in the
-    box [m]; width: of it along the closing direction [m]."""
+    """Centroid and extent of the cloud in a box.
+
+    centroid: (3,) [m, base frame]; pixels: (N, 2) (row, col) of the cloud's points; top: height of the highest point
+    [m]; width: extent along the closing direction [m].
+    """
 
     centroid: FloatArray
     pixels: npt.NDArray[np.int64]
@@ -38,41 +41,39 @@ class BoxTarget:
     width: float
 
     def pose(self, yaw: float) -> PlanarPose:
-        """Where the hand goes, at `yaw` [rad]."""
+        """Return the hand's pose over the centroid, at `yaw` [rad]."""
         return PlanarPose(float(self.centroid[0]), float(self.centroid[1]), yaw)
 
     def shown_pixels(self) -> list[list[int]]:
-        """Some of the pixels, evenly chosen, to draw."""
-        step = math.ceil(len(self.pixels) / _SHOWN)
+        """Return some of the pixels, evenly chosen, to be drawn."""
+        step = math.ceil(len(self.pixels) / _MAX_DRAWN_PIXELS)
         return [[int(row), int(col)] for row, col in self.pixels[:: max(step, 1)]]
 
 
 def find_target(
-    view: LiveView, box: PixelBox, yaw: float, workspace: WorkspaceSpec, config: BoxConfig, what: str, stands: bool
+    view: LiveView,
+    box: PixelBox,
+    yaw: float,
+    workspace: WorkspaceSpec,
+    config: BoxConfig,
+    what: str,
+    needs_object: bool,
 ) -> BoxTarget:
-    """The centroid of the cloud in a box of the picture.
+    """Find the centroid of the cloud in a box of the picture.
 
     Each ground cell of the workspace's pixel size counts once, so that the side which faces a tilted camera does not
-    pull the centroid, as in the executor's grasp.
-
-    Args:
-        yaw: of the closing direction [rad]; what: "pick" or "place", for messages;
-        stands: whether something must stand above the table there.
+    pull the centroid, as in the executor's grasp. yaw: of the closing direction [rad]; what: "pick" or "place", for
+    messages; needs_object: True where something must stand above the table.
 
     Raises:
-        BoxError: when there is too little depth, nothing stands there, or it is outside the workspace.
+        BoxError: when there is too little depth, no object, or the centroid is outside the workspace.
     """
     points, pixels = _points_in(view, box, config, what)
     heights = points[:, 2]
-    above = min(max(3, round(_TOP_SHARE * len(heights))), len(heights))
-    top = float(np.partition(heights, -above)[-above])
-    if stands and top < config.table_z + config.min_height:
-        raise BoxError(
-            f"nothing stands in the {what} box: its highest point is {_mm(top - config.table_z)} mm above the table "
-            f"(at least {_mm(config.min_height)} mm needed); draw the box around an object"
-        )
+    top = _top_of(heights)
     lowest = top - config.finger_height
-    if stands:
+    if needs_object:
+        _require_object(top, config, what)
         lowest = max(lowest, config.table_z + config.min_height / 2.0)
     chosen = (heights >= lowest) & (heights <= top + config.finger_height)
     points, pixels = points[chosen], pixels[chosen]
@@ -86,8 +87,23 @@ def find_target(
     return BoxTarget(centroid, pixels, top, float(np.ptp(along)))
 
 
+def _top_of(heights: FloatArray) -> float:
+    """Return the height of the top without the few points that may be noise above it [m]."""
+    above = min(max(3, round(_NOISE_SHARE * len(heights))), len(heights))
+    return float(np.partition(heights, -above)[-above])
+
+
+def _require_object(top: float, config: BoxConfig, what: str) -> None:
+    """Raise BoxError when the top [m] is hardly above the table."""
+    if top < config.table_z + config.min_height:
+        raise BoxError(
+            f"nothing stands in the {what} box: its highest point is {_mm(top - config.table_z)} mm above the table "
+            f"(at least {_mm(config.min_height)} mm needed); draw the box around an object"
+        )
+
+
 def _points_in(view: LiveView, box: PixelBox, config: BoxConfig, what: str) -> tuple[FloatArray, npt.NDArray[np.int64]]:
-    """Points (N, 3) [m, base frame] of a box, and their pixels (N, 2)."""
+    """Return the points (N, 3) [m, base frame] of a box, and their pixels (N, 2)."""
     window = slice(box.top, box.bottom), slice(box.left, box.right)
     depth = view.depth_m[window]
     seen = np.isfinite(depth)
@@ -104,7 +120,7 @@ def _points_in(view: LiveView, box: PixelBox, config: BoxConfig, what: str) -> t
 
 
 def _cell_mean(points: FloatArray, cell: float) -> FloatArray:
-    """Mean (3,) of points (N, 3), each ground cell counted once."""
+    """Return the mean (3,) of points (N, 3), each ground cell counted once."""
     _, inverse, counts = np.unique(
         np.floor(points[:, :2] / cell).astype(np.int64), axis=0, return_inverse=True, return_counts=True
     )
@@ -113,32 +129,40 @@ def _cell_mean(points: FloatArray, cell: float) -> FloatArray:
     return mean
 
 
-def across(start: PlanarPose, end: PlanarPose) -> float | None:
-    """The yaw of jaws in a line across the way from start to end [rad, 0 to pi]; None where there is no way."""
+def sweep_yaw(start: PlanarPose, end: PlanarPose) -> float | None:
+    """Return the yaw of jaws across the way from start to end [rad, 0 to pi]; None where there is no way."""
     x, y = end.x - start.x, end.y - start.y
-    return (math.atan2(y, x) + math.pi / 2.0) % math.pi if math.hypot(x, y) > _SAME_PLACE else None
+    if math.hypot(x, y) <= _MIN_SWEEP_LENGTH:
+        return None
+    return (math.atan2(y, x) + math.pi / 2.0) % math.pi
 
 
 def finger_outlines(
-    view: LiveView, pose: PlanarPose, z: float, primitive: Primitive = Primitive.PICK_PLACE
+    view: LiveView, pose: PlanarPose, z: float, hand: HandModel, primitive: Primitive = Primitive.PICK_PLACE
 ) -> list[list[list[float]]]:
-    """The fingers, as far open as they go down, at height z [m] as polygons of (row, col) on the picture."""
+    """Return both fingers at height z [m], open as on their way down: polygons of (row, col) on the picture."""
     along = np.array([math.cos(pose.yaw), math.sin(pose.yaw), 0.0])
     across = np.array([-along[1], along[0], 0.0])
     centre = np.array([pose.x, pose.y, z])
-    outlines, inner = [], _OPENINGS[primitive] / 2.0
+    outlines, inner = [], _opening(hand, primitive) / 2.0
     for side in (-1.0, 1.0):
-        near, far = side * inner, side * (inner + _FINGER_THICKNESS)
+        near, far = side * inner, side * (inner + hand.finger_thickness)
         corners = [
-            centre + a * along + b * _FINGER_HALF_WIDTH * across
+            centre + a * along + b * hand.finger_half_width * across
             for a, b in ((near, -1.0), (near, 1.0), (far, 1.0), (far, -1.0))
         ]
         outlines.append(to_pixels(view, np.array(corners)))
     return outlines
 
 
+def _opening(hand: HandModel, primitive: Primitive) -> float:
+    """Return the opening with which the fingers go down for a primitive [m]."""
+    openings = {Primitive.PICK_PLACE: hand.opening, Primitive.SWEEP: 0.0, Primitive.FOLD: hand.fold_opening}
+    return openings[primitive]
+
+
 def closing_directions(view: LiveView, x: float, y: float, z: float, n_rotations: int) -> list[list[float]]:
-    """For each rotation the direction (row, col), of length 1, in which the fingers close as the picture shows it."""
+    """Return the closing direction of each rotation on the picture: (row, col) of length 1."""
     yaws = np.arange(n_rotations) * 2.0 * np.pi / n_rotations
     reach = 0.02
     ends = np.column_stack([x + reach * np.cos(yaws), y + reach * np.sin(yaws), np.full(n_rotations, z)])
@@ -149,13 +173,13 @@ def closing_directions(view: LiveView, x: float, y: float, z: float, n_rotations
 
 
 def to_pixels(view: LiveView, points: FloatArray) -> list[list[float]]:
-    """Where points (N, 3) [m, base frame] are on the picture: (row, col)."""
+    """Return the pixels (row, col) of points (N, 3) [m, base frame]."""
     pixels = np.nan_to_num(view.camera.project(view.camera_in_base.inverse().apply(points)))
     return [[round(float(row), 1), round(float(col), 1)] for row, col in pixels]
 
 
 def table_point(view: LiveView, box: PixelBox, table_z: float) -> FloatArray:
-    """(3,) where the middle of a box meets the table [m, base frame]; far below a camera that looks up: its foot."""
+    """Return the point (3,) of the table in the middle of a box [m, base frame]; the camera's own if it looks up."""
     row, col = (box.top + box.bottom) // 2, (box.left + box.right) // 2
     ray = view.camera_in_base.rotation @ view.camera.rays()[row, col].astype(np.float64)
     origin = view.camera_in_base.translation
@@ -165,7 +189,7 @@ def table_point(view: LiveView, box: PixelBox, table_z: float) -> FloatArray:
 
 
 def box_around(view: LiveView, pose: PlanarPose, edge: float, table_z: float) -> PixelBox | None:
-    """The picture's part that shows the square of `edge` [m] around a pose; None when it is not in the picture."""
+    """Return the box that shows the square of `edge` [m] around a pose; None when it is not in the picture."""
     half = edge / 2.0
     corners = [[pose.x + a * half, pose.y + b * half, table_z] for a in (-1, 1) for b in (-1, 1)]
     pixels = np.array(to_pixels(view, np.array(corners)))

@@ -1,4 +1,4 @@
-"""What was said last, and a counter by which watchers see that something changed."""
+"""The latest message to the person, and a counter of changes."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import threading
 
 
 class Bulletin:
-    """Safe between threads; `lock` also guards whatever its holder shows beside it."""
+    """Latest message and counter of changes; safe between threads. `lock` also guards what its users show."""
 
     def __init__(self) -> None:
         self.lock = threading.RLock()
@@ -17,34 +17,34 @@ class Bulletin:
 
     @property
     def changed(self) -> int:
-        """Counts up with every change."""
+        """Number of changes so far."""
         return self._changed
 
     def touch(self) -> None:
-        """Something changed."""
+        """Count a change and wake those who wait."""
         with self.lock:
             self._changed += 1
             self._condition.notify_all()
 
     def say(self, words: str) -> None:
-        """Something went well."""
+        """Announce a success."""
         self._set(True, words, "")
 
     def refuse(self, words: str) -> None:
-        """A command was not obeyed; all is as before."""
+        """Announce that a command was refused, with no effect."""
         self._set(False, words, self.failure)
 
     def fail(self, words: str) -> None:
-        """Something that had begun did not end well."""
+        """Announce the failure of something that had begun."""
         self._set(False, words, words)
 
-    def forgive(self) -> None:
-        """The failure is history: something new begins."""
+    def clear_failure(self) -> None:
+        """Forget the last failure, as something new begins."""
         with self.lock:
             self.failure = ""
 
     def wait(self, after: int, timeout: float) -> int:
-        """The counter, once it is not `after` any more, or after `timeout` seconds."""
+        """Wait until the counter differs from `after`, at most `timeout` seconds; return it."""
         with self.lock:
             self._condition.wait_for(lambda: self._changed != after, timeout)
             return self._changed

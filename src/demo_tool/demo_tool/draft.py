@@ -1,4 +1,4 @@
-"""What has been drawn so far for the next step."""
+"""Draft of the next step: the ends of the action that are drawn so far."""
 
 from __future__ import annotations
 
@@ -9,39 +9,39 @@ from cliport_episodes.demonstration import PixelBox, Source
 
 @dataclass(frozen=True)
 class End:
-    """A box and a rotation; position: (x, y) [m, base frame] where the policy named one, instead of the box's own."""
+    """Pick or place as drawn; position: (x, y) [m, base frame] of the policy's proposal, in place of the box's own."""
 
     box: PixelBox
     rotation: int
     position: tuple[float, float] | None = None
 
     def moved_to(self, box: PixelBox, rotation: int) -> End:
-        """What a person made of it: the policy's position stays as long as the box does."""
+        """Return the end with another box or rotation; the policy's position stays as long as the box does."""
         return End(box, rotation, self.position if box == self.box else None)
 
 
 @dataclass(frozen=True)
 class Draft:
-    """Pick and place of the next step, as far as they are drawn; proposed: as the policy had them."""
+    """Pick and place of the next step, as far as they are drawn; proposed: the policy's pick and place."""
 
     pick: End | None = None
     place: End | None = None
     proposed: tuple[End, End] | None = None
 
     def with_end(self, which: str, box: PixelBox, rotation: int) -> Draft:
-        """With the end `which`, "pick" or "place", drawn."""
+        """Return the draft with the end `which`, "pick" or "place", drawn anew."""
         old: End | None = getattr(self, which)
         end = End(box, rotation) if old is None else old.moved_to(box, rotation)
         return replace(self, pick=end) if which == "pick" else replace(self, place=end)
 
     @property
     def source(self) -> Source:
-        """Whose choice this is."""
+        """Origin of the choice: the person, the policy or both."""
         if self.proposed is None:
             return Source.CLICKED
         return Source.PROPOSED if self.proposed == (self.pick, self.place) else Source.CORRECTED
 
 
 def proposed_draft(pick: End, place: End) -> Draft:
-    """A draft that is the policy's."""
+    """Make a draft of the policy's proposal."""
     return Draft(pick, place, (pick, place))

@@ -1,4 +1,4 @@
-"""The draft, and what its boxes mean on the picture: targets, fingers, words."""
+"""The draft and its judgement on the picture: targets, fingers, words."""
 
 from __future__ import annotations
 
@@ -7,23 +7,22 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from cliport_core.action import ActionGoal, PickPlaceAction, Primitive
+from cliport_core.pose import PlanarPose
 from cliport_episodes.demonstration import PixelBox
-from cliport_perception.pose import PlanarPose
-from cliport_perception.primitive import Primitive
 from demo_tool.box_target import (
     BoxTarget,
-    across,
     box_around,
     closing_directions,
     find_target,
     finger_outlines,
+    sweep_yaw,
     table_point,
     to_pixels,
 )
 from demo_tool.draft import Draft, End, proposed_draft
 from demo_tool.errors import BoxError, NotNowError
 from demo_tool.live_view import LiveView
-from demo_tool.proposing import Proposal
 from demo_tool.station_config import StationConfig
 
 _ENDS = ("pick", "place")
@@ -32,7 +31,7 @@ _NOTHING: dict[str, Any] = {"directions": [], "footprint": [], "grasp": None}
 
 @dataclass(frozen=True, eq=False)
 class JudgedEnd:
-    """An end on one picture: pose where it has one, else the words say why not; shown: for the page."""
+    """An end on one picture; pose: None where the words say why there is none; shown: values for the page."""
 
     pose: PlanarPose | None
     words: str
@@ -40,18 +39,16 @@ class JudgedEnd:
 
 
 @dataclass(frozen=True)
-class Choice:
-    """A whole draft, as it would be executed: on the picture of `view`."""
+class DrawnAction:
+    """A whole draft, and the action that it means on the picture of `view`."""
 
     draft: Draft
-    primitive: Primitive
-    pick: PlanarPose
-    place: PlanarPose
+    action: PickPlaceAction
     view: LiveView
 
 
 class DraftDesk:
-    """Keeps the draft and its judgement; safe between threads."""
+    """Draft and its judgement; safe between threads."""
 
     def __init__(self, config: StationConfig) -> None:
         self._config = config
@@ -61,7 +58,7 @@ class DraftDesk:
         self._lock = threading.RLock()
 
     def draw(self, which: str, box: PixelBox, rotation: int, view: LiveView) -> tuple[bool, str]:
-        """Draw an end, "pick" or "place"; whether it has a target on the picture, and words."""
+        """Draw an end, "pick" or "place"; return True and words where it has a target on the picture, else False."""
         with self._lock:
             self.draft = self.draft.with_end(which, box, rotation)
             self.judge(view)
@@ -74,39 +71,46 @@ class DraftDesk:
             self._judged = {}
 
     def choose_primitive(self, primitive: Primitive, view: LiveView | None) -> None:
-        """What the arm shall do with the two ends."""
+        """Choose the primitive that the arm performs with the two ends."""
         self.primitive = primitive
         if view is not None:
             self.judge(view)
 
-    def take(self, proposal: Proposal, view: LiveView) -> None:
-        """Begin with the policy's proposal: boxes of its crops' size around its poses (paper, appendix D).
+    def take(self, proposal: ActionGoal, view: LiveView) -> None:
+        """Replace the draft by the policy's proposal.
+
+        The boxes have the size of the policy's crops around its poses (paper, appendix D).
 
         Raises:
             BoxError: when a pose is not in the picture.
         """
         workspace = self._config.workspace
         ends = []
-        for which, pose in (("pick", proposal.pick), ("place", proposal.place)):
+        for which, pose in (("pick", proposal.action.pick), ("place", proposal.action.place)):
             box = box_around(view, pose, self._config.crop * workspace.pixel_size, self._config.box.table_z)
             if box is None:
                 raise BoxError(f"the policy's {which} ({pose.x:.3f}, {pose.y:.3f}) m is not in the picture")
             ends.append(End(box, workspace.bin_of_yaw(pose.yaw), (pose.x, pose.y)))
         with self._lock:
-            self.draft = proposed_draft(*ends)
+            self.draft, self.primitive = proposed_draft(*ends), proposal.action.primitive
             self.judge(view)
 
     def judge(self, view: LiveView) -> None:
-        """Look again, on a newer picture. A sweep's hand stands across its way, as the arm will have it."""
+        """Judge the draft on a newer picture; a sweep's hand is across its way, as the executor turns it."""
         with self._lock:
-            ends: dict[str, End] = {which: end for which in _ENDS if (end := getattr(self.draft, which)) is not None}
+            ends: dict[str, End] = {}
+            for which in _ENDS:
+                end = getattr(self.draft, which)
+                if end is not None:
+                    ends[which] = end
             judged = {which: self._judge(which, end, view) for which, end in ends.items()}
-            if (yaw := self._yaw_of_sweep(judged)) is not None:
+            yaw = self._yaw_of_sweep(judged)
+            if yaw is not None:
                 judged = {which: self._judge(which, end, view, yaw) for which, end in ends.items()}
             self._judged = judged
 
-    def choice(self, view: LiveView) -> Choice:
-        """The draft, judged on `view`.
+    def drawn_action(self, view: LiveView) -> DrawnAction:
+        """Judge the draft on `view` and return it with its action.
 
         Raises:
             NotNowError: when an end is missing; BoxError: when one has no target.
@@ -116,7 +120,25 @@ class DraftDesk:
             if missing:
                 raise NotNowError(f"draw the {' and the '.join(missing)} box first")
             self.judge(view)
-            return Choice(self.draft, self.primitive, self._pose("pick"), self._pose("place"), view)
+            action = PickPlaceAction(self._pose("pick"), self._pose("place"), self.primitive)
+            return DrawnAction(self.draft, action, view)
+
+    def matches(self, shown: Any) -> bool:
+        """Return True if a page that shows {primitive, pick, place} shows this draft; a sweep's rotations are free.
+
+        Each end is {box, rotation} as in `shown`, or None where nothing is drawn.
+        """
+        with self._lock:
+            if not isinstance(shown, Mapping) or shown.get("primitive") != self.primitive.name.lower():
+                return False
+            return all(self._end_matches(getattr(self.draft, which), shown.get(which)) for which in _ENDS)
+
+    def _end_matches(self, end: End | None, shown: Any) -> bool:
+        match shown:
+            case {"box": box, "rotation": rotation} if end is not None:
+                turned = rotation == end.rotation or self.primitive is Primitive.SWEEP
+                return bool(box == _corners(end.box) and turned)
+        return end is None and shown is None
 
     def _pose(self, which: str) -> PlanarPose:
         judged = self._judged[which]
@@ -125,55 +147,54 @@ class DraftDesk:
         return judged.pose
 
     def shown(self) -> dict[str, Any]:
-        """For the page: pick and place, None where not drawn."""
+        """Return pick and place as the page shows them, None where not drawn."""
         judged = self._judged
         return {which: judged[which].shown if which in judged else None for which in _ENDS}
 
     def _yaw_of_sweep(self, judged: Mapping[str, JudgedEnd]) -> float | None:
-        """Where both ends of a sweep have a pose: across its way, whatever was drawn [rad]."""
-        match [end.pose for end in judged.values()] if self.primitive is Primitive.SWEEP else []:
-            case [PlanarPose() as start, PlanarPose() as stop]:
-                return across(start, stop)
-        return None
+        """Return the yaw of a sweep whose ends both have a pose, whatever was drawn [rad]; else None."""
+        if self.primitive is not Primitive.SWEEP or len(judged) < len(_ENDS):
+            return None
+        start, stop = judged["pick"].pose, judged["place"].pose
+        return None if start is None or stop is None else sweep_yaw(start, stop)
 
     def _judge(self, which: str, end: End, view: LiveView, yaw: float | None = None) -> JudgedEnd:
-        """On one picture; yaw: instead of the one that is drawn [rad]."""
+        """Judge an end on one picture; yaw: replaces the one that is drawn [rad]."""
         workspace, config = self._config.workspace, self._config.box
         yaw = workspace.yaw_of_bin(end.rotation) if yaw is None else yaw
-        stands = which == "pick" and self.primitive is Primitive.PICK_PLACE
+        needs_object = which == "pick" and self.primitive is Primitive.PICK_PLACE
         target, words = None, ""
         shown: dict[str, Any] = {"box": _corners(end.box), "rotation": workspace.bin_of_yaw(yaw), **_NOTHING}
         if end.box.bottom > view.camera.height or end.box.right > view.camera.width:
             words = f"the {which} box is not in the picture any more: draw it again"
             return JudgedEnd(None, words, {**shown, "words": words})
         try:
-            target = find_target(view, end.box, yaw, workspace, config, which, stands)
+            target = find_target(view, end.box, yaw, workspace, config, which, needs_object)
         except BoxError as error:
             words = str(error)
         pose = target.pose(yaw) if target is not None else None
-        if end.position is not None and (target is not None or not stands):
+        if end.position is not None and (target is not None or not needs_object):
             pose = PlanarPose(*end.position, yaw)
         if pose is not None:
-            words = self._words(which, end, target, stands)
+            words = self._words(which, end, target, needs_object)
         centre = target.centroid if target is not None else table_point(view, end.box, config.table_z)
         x, y, z = (pose.x, pose.y, float(centre[2])) if pose is not None else (float(v) for v in centre)
-        footprint = finger_outlines(view, pose, z, self.primitive) if pose is not None else []
+        footprint = finger_outlines(view, pose, z, config.hand, self.primitive) if pose is not None else []
         directions = closing_directions(view, x, y, z, workspace.n_rotations)
         shown |= {"directions": directions, "footprint": footprint, "words": words}
         if pose is not None and target is not None:
             shown["grasp"] = {**_cloud_shown(view, target), "footprint": footprint, "words": words}
         return JudgedEnd(pose, words, shown)
 
-    def _words(self, which: str, end: End, target: BoxTarget | None, stands: bool) -> str:
+    def _words(self, which: str, end: End, target: BoxTarget | None, needs_object: bool) -> str:
         at = "the policy's position" if end.position is not None else f"centroid of {_count(target)} points"
-        if target is None or not stands:
+        if target is None or not needs_object:
             return at
         height = 1000 * (target.top - self._config.box.table_z)
         words = f"{at}; {height:.0f} mm high, {1000 * target.width:.0f} mm wide between the fingers"
-        if target.width > self._config.box.widest:
-            words += (
-                f": more than the {1000 * self._config.box.widest:.0f} mm that they go round, so try another rotation"
-            )
+        widest = self._config.box.hand.widest
+        if target.width > widest:
+            words += f": more than the {1000 * widest:.0f} mm that they go round, so try another rotation"
         return words
 
 

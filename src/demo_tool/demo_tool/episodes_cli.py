@@ -1,4 +1,4 @@
-"""`ros2 run demo_tool episodes`: look through what was recorded, and edit it."""
+"""Program `ros2 run demo_tool episodes`: list, show and edit recorded episodes."""
 
 from __future__ import annotations
 
@@ -16,17 +16,20 @@ from cliport_episodes.summary import EpisodeInfo
 _MARKS = {"success": True, "failure": False, "unmarked": None}
 _WORDS = {value: word for word, value in _MARKS.items()}
 
+Command = Callable[[DataSet, argparse.Namespace], "int | None"]
+AddCommand = Callable[[str, Command, str], argparse.ArgumentParser]
+
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Entry point; 0 when it was done and, of `check`, nothing was found; 1 otherwise."""
+    """Run a command; return 0 when it succeeded and `check` found nothing, else 1, or 130 when interrupted."""
     options = _parser().parse_args(arguments)
     try:
-        command: Callable[[DataSet, argparse.Namespace], int | None] = options.do
+        command: Command = options.do
         return command(DataSet.open(options.data_set), options) or 0
     except EpisodesError as error:
         print(f"error: {error}", file=sys.stderr)
         return 1
-    except BrokenPipeError:  # of `… | head`
+    except BrokenPipeError:  # as in `… | head`
         sys.stderr.close()
         return 1
     except KeyboardInterrupt:
@@ -55,11 +58,11 @@ def _line(info: EpisodeInfo) -> str:
 def _show(data_set: DataSet, options: argparse.Namespace) -> None:
     episode = data_set.episode(options.episode)
     for step in episode.steps:
-        record = step.record
+        record, action = step.record, step.record.action
         _say(f"{record.step:3d}  {record.instruction}")
         _say(
-            f"     {record.primitive.name.lower()}, {record.source.name.lower()}"
-            f", pick ({record.pick.x:.3f}, {record.pick.y:.3f}) m, place ({record.place.x:.3f}, {record.place.y:.3f}) m"
+            f"     {action.primitive.label}, {record.source.name.lower()}"
+            f", pick ({action.pick.x:.3f}, {action.pick.y:.3f}) m, place ({action.place.x:.3f}, {action.place.y:.3f}) m"
             f", {record.ending}"
         )
     for complaint in episode.complaints:
@@ -149,7 +152,7 @@ def _check(data_set: DataSet, options: argparse.Namespace) -> int:
 
 
 def _say(text: str) -> None:
-    """Print; what a bag holds cannot command the terminal."""
+    """Print a text without control characters: a bag's content must not command the terminal."""
     print("".join(c if c.isprintable() or c in "\n\u200c\u200d\u3000" else "\ufffd" for c in text), flush=True)
 
 
@@ -159,16 +162,26 @@ def _parser() -> argparse.ArgumentParser:
     )
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
 
-    def add(name: str, do: Callable[[DataSet, argparse.Namespace], int | None], text: str) -> argparse.ArgumentParser:
+    def add(name: str, do: Command, text: str) -> argparse.ArgumentParser:
         command = commands.add_parser(name, help=text, description=text)
         command.set_defaults(do=do)
         command.add_argument("data_set", type=Path, metavar="DATA_SET", help="folder with a dataset.yaml")
         return command
 
+    _add_views(add)
+    _add_edits(add)
+    _add_data_set_commands(add)
+    return parser
+
+
+def _add_views(add: AddCommand) -> None:
     add("list", _list, "list the episodes").add_argument("--trash", action="store_true", help="those in the trash")
     command = add("show", _show, "print an episode's steps, and draw them on a sheet")
     command.add_argument("episode")
     command.add_argument("--out", type=Path, metavar="PNG", help="default: EPISODE.png here")
+
+
+def _add_edits(add: AddCommand) -> None:
     command = add("relabel", _relabel, "give all steps, or one, another instruction")
     command.add_argument("episode")
     command.add_argument("text")
@@ -183,6 +196,9 @@ def _parser() -> argparse.ArgumentParser:
     add("delete", _delete, "put episodes into the trash").add_argument("episodes", nargs="+", metavar="episode")
     add("restore", _restore, "take episodes out of the trash").add_argument("episodes", nargs="+", metavar="episode")
     add("empty-trash", _empty_trash, "remove what is in the trash for good")
+
+
+def _add_data_set_commands(add: AddCommand) -> None:
     command = add("merge", _merge, "add the episodes of other data sets with the same setup")
     command.add_argument("others", nargs="+", type=Path, metavar="OTHER")
     command = add("split", _split, "deal the episodes out to new data sets DATA_SET_NAME beside it")
@@ -196,7 +212,6 @@ def _parser() -> argparse.ArgumentParser:
     add("check", _check, "read everything once, and say what is amiss").add_argument(
         "episodes", nargs="*", metavar="episode"
     )
-    return parser
 
 
 def _part(text: str) -> tuple[str, float]:

@@ -18,7 +18,7 @@ class CommandError(StationError):
 
 
 class UnknownCommandError(CommandError):
-    """No command has this name."""
+    """A command with a name that is not known."""
 
     def __init__(self, name: str, known: Iterable[str]) -> None:
         self.name, self.known = name, tuple(known)
@@ -26,8 +26,8 @@ class UnknownCommandError(CommandError):
 
 
 class NotNowError(StationError):
-    """The station is in a state in which the command has no meaning, or must not be obeyed."""
+    """A command that has no meaning, or must not be obeyed, in the station's present state."""
 
 
 class BoxError(StationError):
-    """A box that names no place to pick or to put down: no depth in it, nothing in it, or out of the workspace."""
+    """A box without a target for pick or place: it has no depth, no object, or is outside the workspace."""

@@ -1,4 +1,4 @@
-"""Commands that look at and edit what was recorded; none touches the arm."""
+"""Commands of the page that list and edit recorded episodes; none moves the arm."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from demo_tool.live_view import ColorImage
 from demo_tool.recording import Recorder, step_shown
 from demo_tool.wording import verdict_words
 
-_MOST_STEPS = 100_000
-_MOST_PARTS = 10
-_MOST_EPISODES = 1_000_000
-_MOST_SEEDS = 2**31 - 1
+_MAX_STEP = 100_000
+_MAX_PARTS = 10
+_MAX_EPISODES = 1_000_000
+_MAX_SEED = 2**31 - 1
 
 
 class Library:
@@ -41,19 +41,19 @@ class Library:
         }
 
     def picture(self, name: str, step: int, data_set: str | None = None) -> ColorImage:
-        """The colour image (H, W, 3) RGB on which a step was chosen; of the open data set where none is named."""
+        """Read the colour image (H, W, 3) RGB of a recorded step; data_set: None for the open one."""
         source = self._open() if data_set is None else DataSet.open(self._root / check_name("data set", data_set))
         return source.episode(name).step(step).observation().color
 
     def statistics_png(self) -> bytes:
-        """The statistics as a picture."""
+        """Draw the statistics as a PNG file; return its bytes."""
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "statistics.png"
             draw_statistics(self._open().statistics(), path)
             return path.read_bytes()
 
     def mark(self, name: str, success: bool | None) -> dict[str, Any]:
-        """Say whether an episode reached its goal."""
+        """Mark whether an episode reached its goal; return the answer to the page."""
         self._open().mark(name, success)
         return {"words": f"episode {name}: {verdict_words(success)}"}
 
@@ -109,7 +109,7 @@ class Library:
         return {"words": f"episode {name} is back"}
 
     def _trash(self, _: Mapping[str, Any]) -> dict[str, Any]:
-        return {"trashed": self._open().trashed()}
+        return {"trashed": self._open().trashed(), "undone_steps": self._open().undone_steps()}
 
     def _empty_trash(self, _: Mapping[str, Any]) -> dict[str, Any]:
         count = self._open().empty_trash()
@@ -119,7 +119,7 @@ class Library:
         return {"statistics": self._open().statistics().to_dict()}
 
     def _merge(self, arguments: Mapping[str, Any]) -> dict[str, Any]:
-        """Another data set of the same folder into the open one."""
+        """Merge another data set of the same folder into the open one."""
         data_set, name = self._open(), text_of(arguments, "other")
         other = self._root / check_name("data set", name)
         there = len(DataSet.open(other).episodes())
@@ -128,33 +128,35 @@ class Library:
         return {"words": f"{added} of the {there} episodes of {name} are added{rest}"}
 
     def _split(self, arguments: Mapping[str, Any]) -> dict[str, Any]:
-        """The open data set into new ones beside it."""
+        """Split the open data set into new ones beside it."""
         data_set, parts = self._open(), _parts_of(arguments)
         if self._recorder.episode is not None:
             raise NotNowError("an episode is being recorded: end or discard it before the split")
-        made = data_set.split(parts, number_of({"seed": 0, **arguments}, "seed", 0, _MOST_SEEDS))
+        made = data_set.split(parts, number_of({"seed": 0, **arguments}, "seed", 0, _MAX_SEED))
         self._recorder.list_data_sets()
         counts = ", ".join(f"{part.name}: {len(part.episodes())} episodes" for part in made.values())
         return {"words": f"{counts}; {data_set.name} stays as it is"}
 
 
 def _parts_of(arguments: Mapping[str, Any]) -> dict[str, float]:
-    """Names with a share of 1 or a number of episodes, from [[name, share], …]. Raises CommandError, BadNameError."""
-    value, parts = arguments.get("parts"), {}
-    for entry in value if isinstance(value, list) and 0 < len(value) <= _MOST_PARTS else [None]:
+    """Return each part's share, or number of episodes, from [[name, share], …]. Raises CommandError, BadNameError."""
+    value = arguments.get("parts")
+    entries = value if isinstance(value, list) and 0 < len(value) <= _MAX_PARTS else [None]  # None is refused below
+    parts: dict[str, float] = {}
+    for entry in entries:
         match entry:
-            case [str(name), int(share) | float(share)] if not isinstance(share, bool) and abs(share) <= _MOST_EPISODES:
+            case [str(name), int(share) | float(share)] if not isinstance(share, bool) and abs(share) <= _MAX_EPISODES:
                 if check_name("part", name) in parts:
                     raise CommandError(f"two parts have the name '{name}': give each its own")
                 parts[name] = share
             case _:
                 raise CommandError(
-                    f"'parts' must be 1 to {_MOST_PARTS} pairs of a name and a share, as in [['train', 0.8], "
+                    f"'parts' must be 1 to {_MAX_PARTS} pairs of a name and a share, as in [['train', 0.8], "
                     "['val', 0.2]]"
                 )
     return parts
 
 
 def _step_of(arguments: Mapping[str, Any], name: str) -> int | None:
-    """A step's number, None where it is not given. Raises CommandError."""
-    return None if arguments.get(name) is None else number_of(arguments, name, 0, _MOST_STEPS)
+    """Return a step's number, None where it is not given. Raises CommandError."""
+    return None if arguments.get(name) is None else number_of(arguments, name, 0, _MAX_STEP)

@@ -1,4 +1,4 @@
-"""One moment of the camera: decoded only when somebody looks."""
+"""Images of one moment of the camera, decoded only when somebody looks."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from cliport_core.pose import Pose
 from cliport_episodes.raw import RawMessage
 from cliport_perception.camera_model import CameraModel
-from cliport_perception.pose import Pose
 
 ColorImage = npt.NDArray[np.uint8]
 DepthImage = npt.NDArray[np.float32]
@@ -21,9 +21,9 @@ DepthImage = npt.NDArray[np.float32]
 class LiveView:
     """Colour and depth of one stamp, and the messages that they came in.
 
-    stamp_ns: of the images; received_ns: when they came [both ns, ROS time]; frame: of the camera; camera_in_base:
-    pose of its optical frame; raw: what is recorded of this moment, bytes as they came; read_color and read_depth
-    decode, and may raise PerceptionError.
+    stamp_ns: stamp of the images; received_ns: time of receipt [both ns, ROS time]; frame: the camera's optical frame;
+    camera_in_base: its pose in the base frame; raw: messages to record of this moment, as received; read_color and
+    read_depth decode the images, and may raise CoreError.
     """
 
     stamp_ns: int
@@ -37,10 +37,10 @@ class LiveView:
 
     @cached_property
     def color(self) -> ColorImage:
-        """(H, W, 3) uint8 RGB."""
+        """Colour image, (H, W, 3) uint8 RGB."""
         return self.read_color()
 
     @cached_property
     def depth_m(self) -> DepthImage:
-        """(H, W) float32 [m], NaN where unknown."""
+        """Depth image, (H, W) float32 [m], NaN where unknown."""
         return self.read_depth()

@@ -1,25 +1,27 @@
-"""One goal at the arm, from asking to its end, with every wait bounded."""
+"""One goal of the arm, from its request to its end, with every wait bounded."""
 
 from __future__ import annotations
 
 import threading
 from collections.abc import Callable
 
-from cliport_perception.primitive import Outcome
-from demo_tool.ports import ACCEPTED, RESTING, Arm, ArmResult, OnEnd, PickPlaceGoal
+from cliport_core.action import ActionGoal
+from cliport_core.outcome import ActionResult, Outcome
+from demo_tool.ports import ACCEPTED, RESTING, Arm, OnEnd
 from demo_tool.station_config import StationConfig
 
 _ENDED_MOVING = frozenset({Outcome.SUCCEEDED, Outcome.GRASP_MISSED, Outcome.DROPPED})
 
 
 class Motion:
-    """Ends once, whatever the arm does or does not: `on_end` is called with the result, in the thread that brings it.
+    """One goal of the arm, which ends once whatever the arm does.
 
-    Times are those of a steady clock [s], handed in.
+    `on_end` is called with the result, in the thread that brings it; `on_change` after every phase. Times are those of
+    a steady clock [s], handed in.
     """
 
     def __init__(
-        self, arm: Arm, goal: PickPlaceGoal, config: StationConfig, on_change: Callable[[], None], on_end: OnEnd
+        self, arm: Arm, goal: ActionGoal, config: StationConfig, on_change: Callable[[], None], on_end: OnEnd
     ) -> None:
         self.goal = goal
         self.phase, self.progress = "", 0.0
@@ -34,22 +36,22 @@ class Motion:
         self._fault_since: float | None = None
 
     def begin(self, now: float) -> None:
-        """Ask the arm."""
+        """Send the goal to the arm."""
         self._deadline = now + self._config.answer_timeout
         self._arm.send(self.goal, self._on_phase, self._end)
 
     def cancel(self, now: float) -> None:
-        """Ask for the end; the result is CANCELLED even when the arm no longer answers."""
+        """Cancel the goal; the result is CANCELLED even when the arm no longer answers."""
         if self._cancelled_at is None:
             self._cancelled_at = now
             self._arm.cancel()
 
     def abandon(self, message: str) -> None:
-        """End before the arm was asked."""
-        self._end(ArmResult(Outcome.CANCELLED, message))
+        """End before the goal was sent to the arm."""
+        self._end(ActionResult(Outcome.CANCELLED, message))
 
     def tick(self, now: float) -> None:
-        """Call often: what nothing else ends ends here."""
+        """End a goal that has waited too long; to be called often."""
         if self._ended:
             return
         fault = self._arm.fault()
@@ -67,8 +69,8 @@ class Motion:
             self.cancel(now)
 
     def _give_up(self, outcome: Outcome, message: str) -> None:
-        self._arm.cancel()  # it may still hear
-        self._end(ArmResult(outcome, message))
+        self._arm.cancel()  # the arm may still receive it
+        self._end(ActionResult(outcome, message))
 
     def _on_phase(self, name: str, progress: float) -> None:
         if self._ended:
@@ -80,7 +82,7 @@ class Motion:
             self.phase, self.progress = name, progress
         self._on_change()
 
-    def _end(self, result: ArmResult) -> None:
+    def _end(self, result: ActionResult) -> None:
         with self._lock:
             if self._ended:
                 return

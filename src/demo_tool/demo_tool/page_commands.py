@@ -1,15 +1,16 @@
-"""The commands of the page that draw, move and record, by name."""
+"""Commands of the page that draw, move and record, by name."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from typing import Any
 
 from demo_tool.arguments import box_of, instruction_of, number_of, primitive_of, text_of, verdict_of
 from demo_tool.arm_work import ArmWork
 from demo_tool.camera_watch import BEFORE_REST, CameraWatch
-from demo_tool.draft_desk import Choice, DraftDesk
+from demo_tool.draft_desk import DraftDesk, DrawnAction
 from demo_tool.errors import NotNowError
 from demo_tool.library import Library
 from demo_tool.live_view import LiveView
@@ -20,14 +21,19 @@ from demo_tool.wording import verdict_words
 
 Answer = dict[str, Any]
 Arguments = Mapping[str, Any]
-_LOOKS, _BETWEEN_LOOKS_S = 100, 0.02  # for a picture of the finished scene
+Command = Callable[[Arguments], Answer]
+_PICTURE_ATTEMPTS = 100  # to get a picture of the finished scene
+_ATTEMPT_PERIOD = 0.02  # [s]
 
 
 class PageCommands:
-    """always: obeyed in every state; when_idle: only while nothing is going on.
+    """Commands of the page, by name.
 
-    A command raises StationError, EpisodesError or PerceptionError when it is refused; then all is as before. An
-    answer's `words` say what was done; with `ok` false, why that will not do.
+    always: obeyed in every state; when_idle: only without another activity; when_saved: those of when_idle that are
+    refused while there is an unsaved step, which moved the arm and could not be recorded.
+
+    A command raises StationError, EpisodesError or CoreError when it is refused, and has no effect then. An answer's
+    `words` say what was done, or, with `ok` false, why that will not do.
     """
 
     def __init__(
@@ -46,13 +52,20 @@ class PageCommands:
         self._now_ns, self._clock = now_ns, clock
         self.instruction = ""
         self.verdict: bool | None = None
-        self.always: dict[str, Callable[[Arguments], Answer]] = {
+        self.always = self._commands_obeyed_always()
+        self.when_idle = self._commands_obeyed_when_idle()
+        self.when_saved = frozenset({"open_data_set", "execute", "record", "undo", "restore_step", "end_episode"})
+
+    def _commands_obeyed_always(self) -> dict[str, Command]:
+        return {
             "instruction": self._set_instruction,
             "mark": self._mark,
-            "stop": lambda _: _words(work.stop("stopped on the page")),
-            "resume": lambda _: _words(work.resume()),
+            "stop": lambda _: _answer(self._work.stop("stopped on the page")),
+            "resume": lambda _: _answer(self._work.resume()),
         }
-        self.when_idle: dict[str, Callable[[Arguments], Answer]] = {
+
+    def _commands_obeyed_when_idle(self) -> dict[str, Command]:
+        return {
             "open_data_set": self._open_data_set,
             "primitive": self._set_primitive,
             "pick": lambda arguments: self._draw("pick", arguments),
@@ -62,6 +75,9 @@ class PageCommands:
             "execute": self._execute,
             "record": self._record,
             "undo": self._undo,
+            "restore_step": self._restore_step,
+            "save_again": lambda _: _answer(self._work.save_again()),
+            "drop_unsaved": lambda _: _answer(self._work.drop_unsaved()),
             "end_episode": self._end_episode,
             "discard_episode": self._discard_episode,
             "propose": self._propose,
@@ -70,7 +86,7 @@ class PageCommands:
 
     def _set_instruction(self, arguments: Arguments) -> Answer:
         self.instruction = instruction_of(arguments)
-        return _words("the instruction is set" if self.instruction else "the instruction is empty")
+        return _answer("the instruction is set" if self.instruction else "the instruction is empty")
 
     def _mark(self, arguments: Arguments) -> Answer:
         success = verdict_of(arguments)
@@ -78,7 +94,7 @@ class PageCommands:
             return self._library.mark(text_of(arguments, "episode"), success)
         if self._recorder.episode is not None:
             self.verdict = success
-            return _words(f"this episode will be recorded as: {verdict_words(success)}")
+            return _answer(f"this episode will be recorded as: {verdict_words(success)}")
         if self._recorder.last_episode is None:
             raise NotNowError("there is no episode to mark: record a step first")
         return self._library.mark(self._recorder.last_episode, success)
@@ -88,57 +104,65 @@ class PageCommands:
         view = self._watch.view
         setup = setup_of(view, self._config) if view is not None else None
         self.verdict = None
-        return _words(self._work.on_disk(lambda: self._recorder.open(name, setup)))
+        return _answer(self._work.write_to_disk(lambda: self._recorder.open(name, setup)))
 
     def _set_primitive(self, arguments: Arguments) -> Answer:
         primitive = primitive_of(arguments)
-        self._changed_draft()
+        self._forget_plan()
         self._desk.choose_primitive(primitive, self._watch.view)
-        return _words(f"the arm will {primitive.name.lower().replace('_', ' and ')}")
+        return _answer(f"the arm will {primitive.label.replace('_', ' and ')}")
 
     def _draw(self, which: str, arguments: Arguments) -> Answer:
         view = self._fresh_view()
         box = box_of(arguments, view.camera)
         rotation = number_of(arguments, "rotation", 0, self._config.workspace.n_rotations - 1)
-        self._changed_draft()
+        self._forget_plan()
         ok, words = self._desk.draw(which, box, rotation, view)
         return {"ok": ok, "words": f"{which}: {words}" if ok else words}
 
     def _clear(self, _: Arguments) -> Answer:
-        self._changed_draft()
+        self._forget_plan()
         self._desk.clear()
-        return _words("nothing is drawn")
+        return _answer("nothing is drawn")
 
-    def _preview(self, _: Arguments) -> Answer:
-        self._work.preview(self._choice(), self.instruction)
+    def _preview(self, arguments: Arguments) -> Answer:
+        self._work.preview(self._drawn_action(arguments), self.instruction)
         return {}
 
-    def _execute(self, _: Arguments) -> Answer:
-        self._work.execute(self._choice(), self._instruction_given())
+    def _execute(self, arguments: Arguments) -> Answer:
+        with self._instructed(arguments) as text:
+            self._work.execute(self._drawn_action(arguments), text)
         return {}
 
-    def _record(self, _: Arguments) -> Answer:
-        return _words(self._work.record(self._choice(), self._instruction_given()))
+    def _record(self, arguments: Arguments) -> Answer:
+        with self._instructed(arguments) as text:
+            return _answer(self._work.record(self._drawn_action(arguments), text))
 
     def _undo(self, _: Arguments) -> Answer:
-        self._work.on_disk(self._recorder.undo_step)
-        return _words("the last step is dropped; the arm does not go back, and the objects stay where they are")
+        self._work.write_to_disk(self._recorder.undo_step)
+        return _answer(
+            "the last step is undone and can be brought back; the arm does not go back, the objects stay where they are"
+        )
+
+    def _restore_step(self, _: Arguments) -> Answer:
+        self._work.write_to_disk(self._recorder.restore_step)
+        return _answer("the step is back")
 
     def _end_episode(self, arguments: Arguments) -> Answer:
         success = verdict_of(arguments) if "success" in arguments else self.verdict
         self._recorder.refuse_to_end()
-        name, seen = self._work.on_disk(lambda: self._finish(success))
+        name, seen = self._work.write_to_disk(lambda: self._finish(success))
         self.verdict = None
         without = "" if seen else "; the finished scene is not in it, because there is no picture of it"
-        return _words(f"episode {name} is saved: {verdict_words(success)}{without}")
+        return _answer(f"episode {name} is saved: {verdict_words(success)}{without}")
 
     def _finish(self, success: bool | None) -> tuple[str, bool]:
-        """The episode's name, and whether it has the finished scene, whose picture is waited for a moment."""
+        """End the episode; return its name, and True if it has a picture of the finished scene, waited for a moment."""
         problem, view = self._problem(), self._watch.view
-        for _ in range(_LOOKS if view is not None else 0):
+        for _ in range(_PICTURE_ATTEMPTS if view is not None else 0):
             if problem is None:
                 break
-            time.sleep(_BETWEEN_LOOKS_S)
+            time.sleep(_ATTEMPT_PERIOD)
             problem, view = self._problem(), self._watch.view
         if problem == BEFORE_REST:
             raise NotNowError(problem)
@@ -146,13 +170,16 @@ class PageCommands:
         return self._recorder.finish(raw, success), bool(raw)
 
     def _discard_episode(self, _: Arguments) -> Answer:
-        name = self._work.on_disk(self._recorder.discard)
+        name = self._work.write_to_disk(self._recorder.discard)
+        if self._work.unsaved is not None:
+            self._work.drop_unsaved()
         self.verdict = None
-        return _words(f"episode {name} is thrown away; the arm does not go back")
+        return _answer(f"episode {name} is thrown away; the arm does not go back")
 
-    def _propose(self, _: Arguments) -> Answer:
+    def _propose(self, arguments: Arguments) -> Answer:
         self._fresh_view()
-        self._work.propose(self._instruction_given())
+        with self._instructed(arguments) as text:
+            self._work.propose(text)
         return {}
 
     def _correct(self, _: Arguments) -> Answer:
@@ -160,20 +187,32 @@ class PageCommands:
         if proposal is None:
             raise NotNowError("there is no proposal to correct: ask the policy for one first")
         view = self._fresh_view()
-        self._changed_draft()
+        self._forget_plan()
         self._desk.take(proposal, view)
-        return _words("the policy's proposal is drawn: change it, then execute")
+        return _answer("the policy's proposal is drawn: change it, then execute")
 
-    def _changed_draft(self) -> None:
+    def _forget_plan(self) -> None:
         self._work.plan = None
 
-    def _instruction_given(self) -> str:
-        if not self.instruction:
+    @contextmanager
+    def _instructed(self, arguments: Arguments) -> Iterator[str]:
+        """Yield the command's `text`, or else the instruction; it becomes the instruction if the body succeeds."""
+        text = instruction_of(arguments) if "text" in arguments else self.instruction
+        if not text:
             raise NotNowError("type the instruction first: what is this step to do?")
-        return self.instruction
+        before, self.instruction = self.instruction, text
+        try:
+            yield text
+        except BaseException:
+            self.instruction = before
+            raise
 
-    def _choice(self) -> Choice:
-        return self._desk.choice(self._fresh_view())
+    def _drawn_action(self, arguments: Arguments) -> DrawnAction:
+        """Return the drawn action; a command with a `draft` is refused where another one is drawn."""
+        view = self._fresh_view()
+        if "draft" in arguments and not self._desk.matches(arguments["draft"]):
+            raise NotNowError("what is drawn has changed since this page showed it: look at the boxes, then try again")
+        return self._desk.drawn_action(view)
 
     def _fresh_view(self) -> LiveView:
         problem = self._problem()
@@ -186,5 +225,5 @@ class PageCommands:
         return self._watch.problem(self._now_ns(), self._clock())
 
 
-def _words(text: str) -> Answer:
+def _answer(text: str) -> Answer:
     return {"words": text}

@@ -1,4 +1,4 @@
-"""The newest of a stream of pictures, decoded when somebody asks for it, once."""
+"""Newest picture of a stream, decoded once, when somebody asks for it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Rgb = npt.NDArray[np.uint8]
 
 
 class Picture(NamedTuple):
-    """sequence: counted from 1; stamp_ns: when it was taken [ns, ROS time]; pixels: (H, W, 3) uint8 RGB."""
+    """A picture of a stream; sequence: from 1; stamp_ns: when it was taken [ns, ROS time]; pixels: (H, W, 3) RGB."""
 
     sequence: int
     stamp_ns: int
@@ -21,7 +21,7 @@ class Picture(NamedTuple):
 
 
 class PictureFeed:
-    """Keeps one picture; older ones are forgotten, looked at or not. Safe between threads."""
+    """Newest picture of a stream; older ones are dropped, seen or not. Safe between threads."""
 
     def __init__(self) -> None:
         self._arrived = threading.Condition()
@@ -31,14 +31,14 @@ class PictureFeed:
         self._decoded: Picture | None = None
 
     def put(self, stamp_ns: int, read: Callable[[], Rgb]) -> None:
-        """A new picture; `read` gives its pixels and may raise."""
+        """Store a new picture; `read` decodes its pixels and may raise."""
         with self._arrived:
             self._sequence += 1
             self._stamp_ns, self._read = stamp_ns, read
             self._arrived.notify_all()
 
     def get(self, after: int, timeout: float) -> Picture | None:
-        """The newest one with a sequence number greater than `after`, waiting up to `timeout` seconds for it.
+        """Return the newest picture if its sequence number exceeds `after`, waiting up to `timeout` seconds; else None.
 
         A sequence number from the future (the station was restarted) counts as 0.
         """

@@ -1,30 +1,17 @@
-"""Asking the policy server where it would act, without letting it."""
+"""Request for the policy server's proposal, which is not executed."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from enum import Enum
 
-from cliport_perception.policy_state import PolicyState
-from cliport_perception.pose import PlanarPose
+from cliport_core.action import ActionGoal, PickPlaceAction
+from cliport_core.policy_state import PolicyState, ServerStatus
+from cliport_core.pose import PlanarPose
 from demo_tool.ports import Policy
 from demo_tool.station_config import StationConfig
 
-_CHECK_TIMEOUT = 3.0  # for the server to say how it is set [s]
-
-
-@dataclass(frozen=True)
-class Proposal:
-    """Where the policy would pick and place [m, rad, base frame], for an instruction.
-
-    confidence: how sure it is, 0 to 1; None where it does not say.
-    """
-
-    instruction: str
-    pick: PlanarPose
-    place: PlanarPose
-    confidence: float | None = None
+_CHECK_TIMEOUT = 3.0  # for the server's answer about its parameter [s]
 
 
 class _Stage(Enum):
@@ -34,7 +21,7 @@ class _Stage(Enum):
 
 
 class ProposalRequest:
-    """One request; ends once, with a proposal or the reason why there is none.
+    """One request for a proposal; it ends once, with the proposal or the reason why there is none.
 
     The server must wait for approval, or it would move the arm: that is asked first. As soon as its poses are known
     it is told to drop its goal, so that no approval from elsewhere can start what a person is about to change.
@@ -45,20 +32,19 @@ class ProposalRequest:
         policy: Policy,
         instruction: str,
         config: StationConfig,
-        on_end: Callable[[Proposal | None, str], None],
+        on_end: Callable[[ActionGoal | None, str], None],
     ) -> None:
         self.instruction = instruction
         self._policy, self._config, self._on_end = policy, config, on_end
         self._stage = _Stage.CHECKING
         self._deadline = 0.0
         self._poses: dict[str, tuple[PlanarPose, int]] = {}
-        self._waits = False
-        self._confidence: float | None = None
+        self._waiting: ServerStatus | None = None  # the status with which the server waits for approval
 
     def begin(self, now: float) -> None:
-        """now: of a steady clock [s]."""
+        """Ask the server whether it waits for approval; now: a steady clock's time [s]."""
         self._deadline = now + _CHECK_TIMEOUT
-        self._policy.ask_whether_it_waits(lambda waits: self._on_answer(waits, now))
+        self._policy.ask_require_approval(lambda waits: self._on_answer(waits, now))
 
     def cancel(self, why: str) -> None:
         """End without a proposal."""
@@ -81,45 +67,46 @@ class ProposalRequest:
             self._stage, self._deadline = _Stage.ASKED, began + self._config.proposal_timeout
             self._policy.instruct(self.instruction)
 
-    def on_status(self, state: PolicyState, message: str, instruction: str, confidence: float | None) -> None:
-        """The server is in a state; confidence: in what waits for approval."""
-        if self._stage is not _Stage.ASKED or instruction != _as_the_server_has_it(self.instruction):
+    def on_status(self, status: ServerStatus) -> None:
+        """Take a status of the server."""
+        if self._stage is not _Stage.ASKED or status.instruction != _published_instruction(self.instruction):
             return
-        if state is PolicyState.FAILED:
-            self._end(None, f"the policy gives no proposal: {message}")
-        elif state is PolicyState.DONE:
-            self._end(None, f"the policy would do nothing: {message}")
-        elif state is PolicyState.EXECUTING:
+        if status.state is PolicyState.FAILED:
+            self._end(None, f"the policy gives no proposal: {status.message}")
+        elif status.state is PolicyState.DONE:
+            self._end(None, f"the policy would do nothing: {status.message}")
+        elif status.state is PolicyState.EXECUTING:
             self.cancel("the policy server began to move without approval and was told to stop")
-        elif state is PolicyState.WAITING_FOR_APPROVAL:
-            self._waits, self._confidence = True, confidence
+        elif status.state is PolicyState.WAITING_FOR_APPROVAL:
+            self._waiting = status
             self._finish_when_complete()
 
     def on_pose(self, which: str, pose: PlanarPose, stamp_ns: int) -> None:
-        """The server published where it would "pick" or "place"."""
+        """Take the server's pose of "pick" or "place", chosen on the picture of stamp_ns."""
         if self._stage is _Stage.ASKED:
             self._poses[which] = pose, stamp_ns
             self._finish_when_complete()
 
     def tick(self, now: float) -> None:
-        """Call often."""
+        """End a request that has waited too long; to be called often. now: as for `begin`."""
         if self._stage is not _Stage.ENDED and now > self._deadline:
             self.cancel(f"waited in vain for {self._stage.value}: is the policy server running?")
 
     def _finish_when_complete(self) -> None:
-        if not self._waits or len({stamp for _, stamp in self._poses.values()}) != 1 or len(self._poses) < 2:
+        stamps = {stamp_ns for _, stamp_ns in self._poses.values()}
+        if self._waiting is None or len(stamps) != 1 or len(self._poses) < 2:
             return
         pick, place = (self._poses[which][0] for which in ("pick", "place"))
-        proposal = Proposal(self.instruction, pick, place, self._confidence)
+        action = PickPlaceAction(pick, place, self._waiting.primitive, self._waiting.confidence)
         self._policy.instruct("")
-        self._end(proposal, "")
+        self._end(ActionGoal(action, self.instruction, stamps.pop()), "")
 
-    def _end(self, proposal: Proposal | None, why: str) -> None:
+    def _end(self, proposal: ActionGoal | None, why: str) -> None:
         if self._stage is not _Stage.ENDED:
             self._stage = _Stage.ENDED
             self._on_end(proposal, why)
 
 
-def _as_the_server_has_it(text: str) -> str:
-    """The policy server writes blanks for joiners, which some scripts need."""
+def _published_instruction(text: str) -> str:
+    """Return an instruction as the server publishes it: with blanks for joiners, which some scripts need."""
     return " ".join("".join(c if c.isprintable() else " " for c in text).split())

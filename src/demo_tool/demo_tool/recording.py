@@ -1,4 +1,4 @@
-"""The data set that is open, and the episode that is being recorded in it."""
+"""Recorder of episodes: the open data set, and the episode that is being recorded in it."""
 
 from __future__ import annotations
 
@@ -15,22 +15,25 @@ from cliport_episodes.episode_folder import EPISODES
 from cliport_episodes.errors import EpisodeError, SetupDiffersError
 from cliport_episodes.names import check_name
 from cliport_episodes.raw import RawMessage
+from cliport_episodes.reader import read_steps
 from cliport_episodes.writer import EpisodeWriter
 from demo_tool.errors import NotNowError, StationError
-from demo_tool.wording import outcome_words
+from demo_tool.wording import NOT_MOVED, outcome_words
 
 _HISTORY = 20  # recent instructions that are kept
 
 
 class Recorder:
-    """Safe between threads. What it shows is replaced as a whole, so that reading it never waits for a disk.
+    """Open data set and present episode, safe between threads.
+
+    Its public attributes are replaced as a whole, so that reading them never waits for a disk.
 
     Raises everywhere:
-        EpisodesError: when the disk or the data refuse.
+        EpisodesError: when the disk refuses, or the data set does.
     """
 
     def __init__(self, root: Path, min_free: int) -> None:
-        """root: of all data sets, made where it is not there; StationError when that cannot be."""
+        """Make the folder `root` of all data sets where it is missing. Raises StationError when that fails."""
         self._root, self._min_free = root, min_free
         self._lock = threading.RLock()
         self._writer: EpisodeWriter | None = None
@@ -48,13 +51,13 @@ class Recorder:
         self.list_data_sets()
 
     def open(self, name: str, setup: CaptureSetup | None) -> str:
-        """Open a data set, new where there is none; an episode that a crash left unfinished goes on. Words.
+        """Open a data set, or make it, and resume its unfinished episode; return a sentence for the page.
 
-        setup: as it is now, None when not known yet: then it is compared before the next step.
+        setup: the present one; None when not known yet, then it is compared before the next step.
 
         Raises:
-            StationError: when a new one is asked for and nothing is known of the camera.
-            SetupDiffersError: says in words what differs.
+            NotNowError: when the data set is new and nothing is known of the camera.
+            SetupDiffersError: when the data set was recorded with another setup.
         """
         path = self._root / check_name("data set", name)
         with self._lock:
@@ -67,13 +70,15 @@ class Recorder:
             self._forget_episode()
             self.data_set, self.data_set_name = data_set, name
             self.list_data_sets()
-            return self._continue_episode(data_set)
+            return self._resume_episode(data_set)
 
     def check(self, setup: CaptureSetup) -> None:
-        """Whether a step can be recorded now.
+        """Check that a step can be recorded now.
 
         Raises:
-            NotNowError, StationError, SetupDiffersError: why not.
+            NotNowError: when no data set is open.
+            SetupDiffersError: when it was recorded with another setup.
+            StationError: when the disk is full.
         """
         if self.data_set is None or self.data_set_name is None:
             raise NotNowError("open a data set first, so that the step has a place")
@@ -88,49 +93,57 @@ class Recorder:
             )
 
     def begin_episode(self, setup: CaptureSetup) -> None:
-        """Make sure that an episode is open."""
+        """Make a new episode unless one is being recorded."""
         with self._lock:
             if self._writer is None and self.data_set_name is not None:
                 self._writer = EpisodeWriter.create(self._root / self.data_set_name, setup)
                 self._steps = ()
-                self._show()
+                self._update_episode()
 
     def add_step(self, messages: Sequence[RawMessage], record_of: Callable[[int], StepRecord]) -> None:
-        """Record a step; record_of is given its number. Durable when this returns."""
+        """Record a step, whose record `record_of` makes of its number. It is on the disk on return."""
         with self._lock:
             writer = self._open_writer("record")
             record = record_of(writer.n_steps)
             writer.add_step(messages, record)
             self._steps = (*self._steps, step_shown(record))
             self.remember(record.instruction)
-            self._show()
+            self._update_episode()
 
     def undo_step(self) -> None:
-        """Drop the last step. Raises NotNowError when there is none."""
+        """Undo the last step. Raises NotNowError when there is none."""
         with self._lock:
             writer = self._open_writer("undo")
             if writer.n_steps == 0:
                 raise NotNowError("the episode has no step to undo")
             writer.undo_step()
             self._steps = self._steps[:-1]
-            self._show()
+            self._update_episode()
+
+    def restore_step(self) -> None:
+        """Bring back the step that was undone last. Raises NotNowError when no episode is open."""
+        with self._lock:
+            writer = self._open_writer("bring back")
+            writer.restore_step()
+            self._steps = (*self._steps, step_shown(read_steps(writer.path).records[-1]))
+            self._update_episode()
 
     def refuse_to_end(self) -> None:
-        """Raises NotNowError when there is no episode, or none of its steps."""
+        """Raise NotNowError when there is no episode, or it has no step."""
         with self._lock:
-            self._writer_of_steps()
+            self._writer_with_steps()
 
     def finish(self, messages: Sequence[RawMessage], success: bool | None) -> str:
-        """End the episode with the finished scene, or none where there is no picture; its name."""
+        """End the episode with the messages of the finished scene, if there are any; return its name."""
         with self._lock:
-            writer = self._writer_of_steps()
+            writer = self._writer_with_steps()
             writer.finish(messages, success)
             self.last_episode = str(writer.name)
             self._forget_episode()
             return self.last_episode
 
     def discard(self) -> str:
-        """Throw the episode away; its name."""
+        """Discard the episode; return its name."""
         with self._lock:
             writer = self._open_writer("discard")
             writer.discard()
@@ -143,11 +156,11 @@ class Recorder:
         self.history = (instruction, *others)[:_HISTORY]
 
     def close(self) -> None:
-        """Leave the episode as it is; it goes on when its data set is opened again."""
+        """Leave the episode unfinished; it is resumed when its data set is opened again."""
         with self._lock:
             self._forget_episode()
 
-    def _writer_of_steps(self) -> EpisodeWriter:
+    def _writer_with_steps(self) -> EpisodeWriter:
         writer = self._open_writer("end")
         if writer.n_steps == 0:
             raise NotNowError("the episode has no steps: record one, or discard it")
@@ -158,8 +171,8 @@ class Recorder:
             raise NotNowError(f"there is nothing to {what}: no episode has been begun")
         return self._writer
 
-    def _continue_episode(self, data_set: DataSet) -> str:
-        """Find what a crash left, and the instructions of what is there."""
+    def _resume_episode(self, data_set: DataSet) -> str:
+        """Resume an unfinished episode, and remember the instructions; return a sentence for the page."""
         infos = data_set.episodes()
         for info in infos:
             for text in info.instructions:
@@ -174,7 +187,7 @@ class Recorder:
         except EpisodeError as error:
             return f"{opened}; episode {last.name} cannot go on: {error}"
         self._steps = tuple(step_shown(record) for record in last.records)
-        self._show()
+        self._update_episode()
         return f"{opened}; episode {last.name} goes on after {len(self._steps)} steps"
 
     def _forget_episode(self) -> None:
@@ -182,23 +195,24 @@ class Recorder:
             self._writer.close()
         self._writer, self._steps, self.episode = None, (), None
 
-    def _show(self) -> None:
+    def _update_episode(self) -> None:
         if self._writer is not None:
-            self.episode = {"name": str(self._writer.name), "steps": list(self._steps)}
+            restorable = self._writer.restorable()
+            self.episode = {"name": str(self._writer.name), "steps": list(self._steps), "restorable": restorable}
 
     def list_data_sets(self) -> None:
-        """Look which there are; a hidden one was not made to its end."""
+        """Update the names of the data sets, without hidden ones, which are incomplete."""
         names = sorted(path.parent.name for path in self._root.glob("*/dataset.yaml"))
         self.data_set_names = tuple(name for name in names if not name.startswith("."))
 
 
 def step_shown(record: StepRecord) -> dict[str, Any]:
-    """For the page."""
+    """Return a step as the page shows it."""
     return {
         "step": record.step,
         "instruction": record.instruction,
-        "primitive": record.primitive.name.lower(),
+        "primitive": record.action.primitive.label,
         "source": record.source.name.lower(),
-        "outcome": outcome_words(record.outcome, record.executed),
-        "message": record.message,
+        "outcome": outcome_words(record.result.outcome) if record.result else NOT_MOVED,
+        "message": record.result.message if record.result else "",
     }

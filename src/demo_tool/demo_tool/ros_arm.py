@@ -1,4 +1,4 @@
-"""The executor as the station's arm: goals, cancel, stop, signs of life."""
+"""Arm of the station: the executor's action, stop services and heartbeat."""
 
 from __future__ import annotations
 
@@ -13,59 +13,60 @@ from rclpy.node import Node
 from std_msgs.msg import Empty
 from std_srvs.srv import Trigger
 
+from cliport_core import topics
+from cliport_core.action import ActionGoal
+from cliport_core.messages import goal_to_msg, result_from_msg
+from cliport_core.outcome import ActionResult, Outcome
 from cliport_interfaces.action import PickPlace
-from cliport_perception.primitive import Outcome
-from demo_tool.conversions import goal_to_msg, result_from_msg
-from demo_tool.ports import ACCEPTED, ArmResult, OnEnd, OnPhase, PickPlaceGoal
+from demo_tool.ports import ACCEPTED, OnEnd, OnPhase
 
-ACTION = "/panda_executor/pick_place"
 _HEARTBEAT_TIMEOUT = 1.0  # [s]
-_STOPS = ("/panda_executor/stop", "/cliport/stop")
-_RESUMES = ("/panda_executor/resume", "/cliport/resume")
+_STOPS = (topics.EXECUTOR_STOP, topics.STOP)
+_RESUMES = (topics.EXECUTOR_RESUME, topics.RESUME)
 
 
 class RosArm:
-    """An `Arm`. Its methods may be called from any thread: what they ask for is done in the node's, by `post`."""
+    """An `Arm` whose methods may be called from any thread; `post` calls their work in the node's thread."""
 
     def __init__(self, node: Node, base_frame: str, post: Callable[[Callable[[], None]], None]) -> None:
         self._node, self._base_frame, self._post = node, base_frame, post
-        self._action = ActionClient(node, PickPlace, ACTION)
+        self._action = ActionClient(node, PickPlace, topics.PICK_PLACE)
         self._triggers = {name: node.create_client(Trigger, name) for name in (*_STOPS, *_RESUMES)}
-        node.create_subscription(Empty, "/panda_executor/heartbeat", self._on_heartbeat, 1)
+        node.create_subscription(Empty, topics.HEARTBEAT, self._on_heartbeat, 1)
         self._beat: float | None = None
         self._fault: str | None = "the executor has not been looked for yet"
         self._goal: _Goal | None = None
 
     def fault(self) -> str | None:
-        """Why it cannot be asked for anything now, in one line, or None."""
+        """Return one line that says why the executor can take no goal now, or None."""
         return self._fault
 
     def look(self) -> None:
-        """Find out whether the executor is there; call a few times a second in the node's thread."""
+        """Update `fault`; to be called a few times a second in the node's thread."""
         if not self._action.server_is_ready():
-            self._fault = f"the executor is not there: is it running? (action {ACTION})"
+            self._fault = f"the executor is not there: is it running? (action {topics.PICK_PLACE})"
         elif self._beat is not None and time.monotonic() - self._beat > _HEARTBEAT_TIMEOUT:
             self._fault = f"the executor gives no sign of life for {time.monotonic() - self._beat:.0f} s"
         else:
             self._fault = None
 
-    def send(self, goal: PickPlaceGoal, on_phase: OnPhase, on_end: OnEnd) -> None:
-        """Begin a goal."""
+    def send(self, goal: ActionGoal, on_phase: OnPhase, on_end: OnEnd) -> None:
+        """Send a goal to the executor."""
         self._post(lambda: self._send(_Goal(on_phase, on_end), goal))
 
     def cancel(self) -> None:
-        """Ask for the end of the goal that runs, now or once it is taken."""
+        """Cancel the present goal, now or once it is accepted."""
         self._post(self._cancel)
 
     def stop(self, reason: str) -> None:
-        """Cancel, and latch the stops of the executor and of the policy server."""
+        """Cancel the goal, and stop the executor and the policy server until `resume`."""
         self._post(lambda: self._stop(reason))
 
     def resume(self) -> None:
-        """End those stops."""
+        """End the stops of the executor and of the policy server."""
         self._post(lambda: self._call(_RESUMES))
 
-    def _send(self, mine: _Goal, goal: PickPlaceGoal) -> None:
+    def _send(self, mine: _Goal, goal: ActionGoal) -> None:
         self._goal = mine
         sent = self._action.send_goal_async(
             goal_to_msg(goal, self._base_frame), feedback_callback=lambda message: mine.on_feedback(message.feedback)
@@ -93,7 +94,7 @@ class RosArm:
 
 
 class _Goal:
-    """One goal that was sent."""
+    """Callbacks of one goal that was sent."""
 
     def __init__(self, on_phase: OnPhase, on_end: OnEnd) -> None:
         self._on_phase, self._on_end = on_phase, on_end
@@ -106,7 +107,7 @@ class _Goal:
     def on_answer(self, handle: ClientGoalHandle | None) -> None:
         if handle is None or not handle.accepted:
             line = "the executor did not take the goal: it is busy, or stopped (resume ends a stop)"
-            self._on_end(ArmResult(Outcome.REJECTED, line))
+            self._on_end(ActionResult(Outcome.REJECTED, line))
             return
         self._handle = handle
         self._on_phase(ACCEPTED, 0.0)
@@ -122,7 +123,7 @@ class _Goal:
     def _on_result(self, response: Any) -> None:
         self._handle = None
         if response is None:
-            self._on_end(ArmResult(Outcome.EXECUTION_FAILED, "the executor gave no result"))
+            self._on_end(ActionResult(Outcome.EXECUTION_FAILED, "the executor gave no result"))
             return
-        is_ended_well = response.status == GoalStatus.STATUS_SUCCEEDED
-        self._on_end(result_from_msg(response.result, is_ended_well))
+        ended_well = response.status == GoalStatus.STATUS_SUCCEEDED
+        self._on_end(result_from_msg(response.result, ended_well))

@@ -1,4 +1,4 @@
-"""Camera, transforms and joints -> live views; images stay the bytes they came in until somebody looks."""
+"""Live views of camera, transforms and joints; images are decoded only when somebody looks."""
 
 from __future__ import annotations
 
@@ -8,65 +8,51 @@ from functools import partial
 
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from sensor_msgs.msg import CameraInfo, Image, JointState
+from sensor_msgs.msg import JointState
 from tf2_msgs.msg import TFMessage
 
-from cliport_episodes.observation import CAMERA_TOPIC, COLOR_TOPIC, DEPTH_TOPIC, JOINTS_TOPIC, TF_STATIC_TOPIC
+from cliport_core import topics
+from cliport_core.messages import pose_from_transform_msg
+from cliport_core.ros_rgbd import RawFrame, RgbdInput
+from cliport_core.throttle import MessageThrottle
+from cliport_core.transforms import TransformTree
 from cliport_episodes.raw import RawMessage
-from cliport_perception.adaptive_subscription import AdaptiveSubscription
-from cliport_perception.camera_model import CameraModel
-from cliport_perception.conversions import pose_from_transform_msg
-from cliport_perception.errors import ImageError, PerceptionError
-from cliport_perception.raw_header import header_of_raw
-from cliport_perception.sync import ApproximateSync
-from cliport_perception.throttle import MessageThrottle
-from cliport_perception.transforms import TransformTree
-from demo_tool.conversions import (
-    camera_from_raw,
-    color_from_raw,
-    depth_from_raw,
-    joint_names_from_raw,
-    transforms_from_raw,
-)
+from cliport_perception.conversions import CameraReader
+from demo_tool.conversions import color_from_raw, depth_from_raw, joint_names_from_raw, transforms_from_raw
 from demo_tool.live_view import LiveView
 from demo_tool.station import Station
 
-_SLOP_NS = 20_000_000
+_IMAGE, _CAMERA_INFO = "sensor_msgs/msg/Image", "sensor_msgs/msg/CameraInfo"
 _COMPLAINT_PERIOD = 10.0  # [s]
 _PATIENCE = 3.0  # before the first complaint is logged: nodes start in any order [s]
 
 
 class RosCamera:
-    """Matches colour and depth by their stamps and hands views to the station."""
+    """Subscriptions that give the station the camera's frames as views, with the messages to record."""
 
     def __init__(self, node: Node, base_frame: str, station: Station, now_ns: Callable[[], int]) -> None:
         self._node, self._base_frame, self._station, self._now_ns = node, base_frame, station, now_ns
-        self._sync: ApproximateSync[RawMessage] = ApproximateSync(("color", "depth"), _SLOP_NS)
         self._transforms = TransformTree()
-        self._camera: CameraModel | None = None
-        self._info: RawMessage | None = None
-        self._static: dict[frozenset[str], RawMessage] = {}  # by the frames that a message is about
-        self._joints: dict[tuple[str, ...], RawMessage] = {}  # by the joints
+        self._cameras = CameraReader()
+        self._static: dict[frozenset[str], RawMessage] = {}  # by the child frames of a message
+        self._joints: dict[tuple[str, ...], RawMessage] = {}  # by the joints of a message
         self._throttle = MessageThrottle(_COMPLAINT_PERIOD)
         self._began = time.monotonic()
-        self._inputs = [
-            AdaptiveSubscription(node, Image, COLOR_TOPIC, partial(self._on_image, "color", COLOR_TOPIC), raw=True),
-            AdaptiveSubscription(node, Image, DEPTH_TOPIC, partial(self._on_image, "depth", DEPTH_TOPIC), raw=True),
-            AdaptiveSubscription(node, CameraInfo, CAMERA_TOPIC, self._on_camera_info, raw=True),
-        ]
+        self._input = RgbdInput(node, self._on_frame, self._complain)
         latched = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        node.create_subscription(TFMessage, TF_STATIC_TOPIC, self._on_static, latched, raw=True)
+        node.create_subscription(TFMessage, topics.TF_STATIC, self._on_static, latched, raw=True)
         newest = QoSProfile(depth=2, reliability=ReliabilityPolicy.BEST_EFFORT)
-        node.create_subscription(JointState, JOINTS_TOPIC, self._on_joints, newest, raw=True)
+        node.create_subscription(JointState, topics.JOINT_STATES, self._on_joints, newest, raw=True)
 
     def adapt(self) -> None:
-        """Look whether the camera's publishers are reliable; call now and then."""
-        for subscription in self._inputs:
-            subscription.adapt()
+        """Match the subscriptions to the reliability of the camera's publishers; to be called every second or so."""
+        self._input.adapt()
 
     def _on_static(self, raw: bytes) -> None:
         links = transforms_from_raw(raw).transforms
-        self._static[frozenset(link.child_frame_id for link in links)] = self._raw(TF_STATIC_TOPIC, TFMessage, raw)
+        self._static[frozenset(link.child_frame_id for link in links)] = RawMessage(
+            topics.TF_STATIC, "tf2_msgs/msg/TFMessage", raw, self._now_ns()
+        )
         for link in links:
             try:
                 pose = pose_from_transform_msg(link.transform)
@@ -76,45 +62,28 @@ class RosCamera:
             self._transforms.put(link.header.frame_id, link.child_frame_id, pose)
 
     def _on_joints(self, raw: bytes) -> None:
-        self._joints[joint_names_from_raw(raw)] = self._raw(JOINTS_TOPIC, JointState, raw)
-
-    def _on_camera_info(self, raw: bytes) -> None:
-        self._info = self._raw(CAMERA_TOPIC, CameraInfo, raw)
-
-    def _on_image(self, stream: str, topic: str, raw: bytes) -> None:
-        message = self._raw(topic, Image, raw)
-        try:
-            match = self._sync.add(stream, header_of_raw(raw)[0], message)
-            if match is not None:
-                self._station.on_camera(self._view(match["color"], match["depth"]))
-        except PerceptionError as error:
-            self._complain(str(error))
-
-    def _view(self, color: RawMessage, depth: RawMessage) -> LiveView:
-        if self._info is None:
-            raise ImageError(f"images come, but nothing on {CAMERA_TOPIC}")
-        stamp_ns, frame = header_of_raw(depth.data)
-        color_frame = header_of_raw(color.data)[1]
-        if color_frame != frame:
-            raise ImageError(f"depth is in frame '{frame}', colour in '{color_frame}': use aligned depth")
-        camera = camera_from_raw(self._info.data)
-        if camera != self._camera:  # the same object as long as it does not change: its rays are kept in it
-            self._camera = camera
-        assert self._camera is not None
-        return LiveView(
-            stamp_ns=stamp_ns,
-            received_ns=color.stamp_ns,
-            frame=frame,
-            camera=self._camera,
-            camera_in_base=self._transforms.source_in_target(frame, self._base_frame),
-            raw=(*self._static.values(), self._info, color, depth, *self._joints.values()),
-            read_color=partial(color_from_raw, color.data),
-            read_depth=partial(depth_from_raw, depth.data),
+        self._joints[joint_names_from_raw(raw)] = RawMessage(
+            topics.JOINT_STATES, "sensor_msgs/msg/JointState", raw, self._now_ns()
         )
 
-    def _raw(self, topic: str, message_type: type, data: bytes) -> RawMessage:
-        name = message_type.__module__.split(".")[0] + "/msg/" + message_type.__name__
-        return RawMessage(topic, name, data, self._now_ns())
+    def _on_frame(self, frame: RawFrame) -> None:
+        color, depth = frame.color.data, frame.depth.data
+        messages = (
+            RawMessage(topics.CAMERA_INFO, _CAMERA_INFO, *frame.camera_info),
+            RawMessage(topics.COLOR, _IMAGE, *frame.color),
+            RawMessage(topics.DEPTH, _IMAGE, *frame.depth),
+        )
+        view = LiveView(
+            stamp_ns=frame.stamp_ns,
+            received_ns=frame.color.received_ns,
+            frame=frame.frame_id,
+            camera=self._cameras.read(frame.camera_info.data),
+            camera_in_base=self._transforms.source_in_target(frame.frame_id, self._base_frame),
+            raw=(*self._static.values(), *messages, *self._joints.values()),
+            read_color=partial(color_from_raw, color),
+            read_depth=partial(depth_from_raw, depth),
+        )
+        self._station.on_camera(view)
 
     def _complain(self, line: str) -> None:
         self._station.on_camera_fault(line)

@@ -1,4 +1,4 @@
-"""The node `demo_tool`: the graph's end of the station."""
+"""Node `demo_tool`, which connects the station to the graph."""
 
 from __future__ import annotations
 
@@ -10,32 +10,36 @@ from rclpy.clock_type import ClockType
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from cliport_perception.workspace import WorkspaceSpec
+from cliport_core import topics
+from cliport_core.workspace import WorkspaceSpec
 from demo_tool.ros_arm import RosArm
 from demo_tool.ros_camera import RosCamera
 from demo_tool.ros_policy import RosPolicy
 from demo_tool.station import Station
-from demo_tool.station_config import StationConfig
+from demo_tool.station_config import BoxConfig, StationConfig
+from panda_model.ros_parameters import declare_base_frame, declare_robot
 
 _TICK = 0.05  # [s]
 _LOOK_EVERY = 4  # ticks between two looks for the executor
-_ADAPT_EVERY = 20  # and for the camera's publishers
+_ADAPT_EVERY = 20  # ticks between two looks for the camera's publishers
 
 
 class RosLink(Node):
-    """Holds the ports of one station. Make the station with `config`, `arm` and `policy`, then `attach` it.
+    """Node with the ports of one station: make the station with `config`, `arm` and `policy`, then `attach` it.
 
-    Spin it with a single-threaded executor: nothing in it takes long.
+    It is spun by a single-threaded executor: no callback takes long.
 
     Raises:
-        PerceptionError: when the workspace's file is unusable.
+        CoreError: when the workspace's file or the preset of the robot is unusable.
     """
 
     def __init__(self) -> None:
         super().__init__("demo_tool")
         path = str(self.declare_parameter("workspace", "").value)
-        base_frame = str(self.declare_parameter("base_frame", "panda_link0").value)
-        self.config = StationConfig(WorkspaceSpec.load(path) if path else WorkspaceSpec(), base_frame)
+        arm = declare_robot(self)
+        base_frame = declare_base_frame(self, arm)
+        workspace = WorkspaceSpec.load(path) if path else WorkspaceSpec()
+        self.config = StationConfig(workspace, base_frame, BoxConfig(hand=arm.hand))
         self._posted: SimpleQueue[Callable[[], None]] = SimpleQueue()
         self._wake = self.create_guard_condition(self._do_posted)
         self.arm = RosArm(self, base_frame, self._post)
@@ -45,7 +49,7 @@ class RosLink(Node):
         self._ticks = 0
 
     def attach(self, station: Station) -> None:
-        """Feed this station from now on; call it before the node is spun."""
+        """Connect the station to the graph; to be called before the node is spun."""
         self._station = station
         self._camera = RosCamera(self, self.config.base_frame, station, self._now_ns)
         self.policy.attach(station)
@@ -53,7 +57,7 @@ class RosLink(Node):
         self.create_timer(_TICK, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def close(self) -> None:
-        """Cancel what the station has the arm do, and see it written; call it while the node is still spun."""
+        """Cancel the station's motion and let its step be written; to be called while the node is spun."""
         if self._station is not None:
             self._station.close()
 
@@ -64,20 +68,20 @@ class RosLink(Node):
         if self._ticks % _LOOK_EVERY == 0:
             self.arm.look()
         if self._ticks % _ADAPT_EVERY == 0:
-            self._follow_the_clock()
+            self._adopt_sim_time()
             if self._camera is not None:
                 self._camera.adapt()
         self._ticks += 1
         if self._station is not None:
             self._station.tick(self._now_ns())
 
-    def _follow_the_clock(self) -> None:
-        """Use simulated time where there is some: who starts the page need not know what stands in for the arm."""
-        if not self.get_parameter("use_sim_time").value and self.count_publishers("/clock"):
+    def _adopt_sim_time(self) -> None:
+        """Use simulated time where a clock is published, so that it need not be set when the page is started."""
+        if not self.get_parameter("use_sim_time").value and self.count_publishers(topics.CLOCK):
             self.set_parameters([Parameter("use_sim_time", value=True)])
 
     def _post(self, act: Callable[[], None]) -> None:
-        """Have something done in the node's thread: rclpy's clients are not safe between threads."""
+        """Call a function in the node's thread: rclpy's clients are not safe between threads."""
         self._posted.put(act)
         self._wake.trigger()
 

@@ -1,4 +1,4 @@
-"""What the page drives: draw a pick and a place, execute, record. Neither ROS nor web."""
+"""Station behind the page: draw a pick and a place, execute, record. It knows neither ROS nor web."""
 
 from __future__ import annotations
 
@@ -7,38 +7,37 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
 
-import numpy as np
-
-from cliport_perception.policy_state import PolicyState
-from cliport_perception.pose import PlanarPose
-from demo_tool.arm_work import EXPECTED, Activity, ArmWork
-from demo_tool.box_target import to_pixels
+from cliport_core.policy_state import PolicyState, ServerStatus
+from cliport_core.pose import PlanarPose
+from demo_tool.activity import Activity, StationHooks
+from demo_tool.arm_work import EXPECTED_ERRORS, ArmWork
 from demo_tool.bulletin import Bulletin
-from demo_tool.camera_watch import BEFORE_REST, CameraWatch
+from demo_tool.camera_watch import CameraWatch
 from demo_tool.draft_desk import DraftDesk
 from demo_tool.errors import StationError, UnknownCommandError
 from demo_tool.library import Library
 from demo_tool.live_view import ColorImage, LiveView
 from demo_tool.page_commands import Answer, Arguments, PageCommands
+from demo_tool.page_view import PageView
 from demo_tool.picture_feed import Picture, PictureFeed
 from demo_tool.ports import Arm, Policy
 from demo_tool.recording import Recorder
 from demo_tool.station_config import StationConfig
-from demo_tool.wording import phase_words, policy_words
+from demo_tool.wording import policy_words
 from demo_tool.work import Job, WorkThread
 
 T = TypeVar("T")
 PICTURES = ("color", "heightmap", "pick_affordance", "place_affordance")
-_REJUDGE = 1.0  # how often the draft is looked at on a newer picture, and ages are told [s]
+_JUDGE_PERIOD = 1.0  # between judgements of the draft on a newer picture, and announcements of ages [s]
 
 
 class Station:
-    """One workplace. Every method may be called from any thread.
+    """A workplace with an arm, a policy and a camera. Every method may be called from any thread.
 
-    Commands that draw, move and stop return at once, those that open and edit as soon as the disk has obeyed: call
-    `command` where that does no harm. Pictures are decoded when they are asked for, in the asking thread.
+    Commands that draw, move and stop return at once, those that open and edit wait for the disk: `command` is to be
+    called in a thread that may wait. Pictures are decoded in the thread that asks for them.
 
-    run: does long work elsewhere; clock: steady [s].
+    run: calls long work in another thread; clock: steady time [s].
     """
 
     def __init__(
@@ -58,118 +57,121 @@ class Station:
         self._desk = DraftDesk(config)
         self._recorder = Recorder(data_sets_root, config.min_free)
         self._library = Library(data_sets_root, self._recorder)
-        self._work = ArmWork(
-            config,
-            arm,
-            policy,
-            self._recorder,
-            self._bulletin,
-            run or WorkThread(),
-            clock,
+        hooks = StationHooks(
             on_recorded=self._on_recorded,
             on_rest=lambda: self._watch.on_rest(self._now_ns),
             policy_moves=lambda: self._policy_state == PolicyState.EXECUTING.name.lower(),
         )
+        self._work = ArmWork(config, arm, policy, self._recorder, self._bulletin, run or WorkThread(), clock, hooks)
         self._page = PageCommands(
-            *(config, self._watch, self._desk, self._work, self._recorder, self._library),
+            config,
+            self._watch,
+            self._desk,
+            self._work,
+            self._recorder,
+            self._library,
             now_ns=lambda: self._now_ns,
             clock=clock,
+        )
+        self._page_view = PageView(
+            config, self._bulletin, self._watch, self._desk, self._work, self._recorder, self._page, clock
         )
         self._policy_state, self._policy_words = "absent", "no policy server has been seen"
         self._now_ns = 0
         self._judged_at = 0.0
         self._was_fresh = False
 
-    # what comes in
+    # input from the graph
 
     def on_camera(self, live: LiveView) -> None:
-        """A picture came."""
+        """Take a picture of the camera."""
         with self._bulletin.lock:
             self._watch.on_view(live, self._clock())
             self._now_ns = live.received_ns
         self._feeds["color"].put(live.stamp_ns, lambda: live.color)
 
     def on_camera_fault(self, words: str) -> None:
-        """Pictures come that cannot be used."""
+        """Take the reason why the camera's pictures cannot be used."""
         self._watch.fault = words
 
     def on_heightmap(self, stamp_ns: int, read: Callable[[], ColorImage]) -> None:
-        """The scene from above came; `read` decodes it, RGB."""
+        """Take a picture of the scene from above; `read` decodes it, (H, W, 3) RGB."""
         self._feeds["heightmap"].put(stamp_ns, read)
 
     def on_affordance(self, which: str, stamp_ns: int, read: Callable[[], ColorImage]) -> None:
-        """A picture of what the policy thinks came, of its "pick" or "place"; `read` decodes it, RGB."""
+        """Take an affordance map of "pick" or "place"; `read` decodes it, (H, W, 3) RGB."""
         self._feeds[f"{which}_affordance"].put(stamp_ns, read)
 
-    def on_policy_status(
-        self, state: PolicyState, message: str, instruction: str, confidence: float | None = None
-    ) -> None:
-        """The policy server is in a state; confidence: in what waits for approval, 0 to 1, None where not known."""
+    def on_policy_status(self, status: ServerStatus) -> None:
+        """Take a status of the policy server."""
         with self._bulletin.lock:
-            self._policy_state, self._policy_words = state.name.lower(), policy_words(state, message)
+            self._policy_state = status.state.name.lower()
+            self._policy_words = policy_words(status.state, status.message)
             if self._work.request is not None:
-                self._work.request.on_status(state, message, instruction, confidence)
+                self._work.request.on_status(status)
             self._bulletin.touch()
 
     def on_policy_pose(self, which: str, pose: PlanarPose, stamp_ns: int) -> None:
-        """Where the policy server would "pick" or "place", chosen on the picture of stamp_ns."""
+        """Take the policy server's pose of "pick" or "place", chosen on the picture of stamp_ns."""
         with self._bulletin.lock:
             if self._work.request is not None:
                 self._work.request.on_pose(which, pose, stamp_ns)
 
     def tick(self, now_ns: int) -> None:
-        """Call often (20 Hz), with the ROS time [ns]."""
+        """Take the ROS time [ns], and end waits that have lasted too long; to be called at 20 Hz."""
         with self._bulletin.lock:
             self._now_ns = now_ns
             self._work.tick()
             wall = self._clock()
             problem = self._watch.problem(now_ns, wall)
-            due = wall - self._judged_at >= _REJUDGE
+            due = wall - self._judged_at >= _JUDGE_PERIOD
             if due:
                 self._judged_at = wall
                 if problem is None:
-                    self._look_again()
+                    self._judge_draft()
             if due or self._was_fresh != (problem is None):
                 self._was_fresh = problem is None
                 self._bulletin.touch()
 
-    # what goes out
+    # output to the page, and its commands
 
     @property
     def changed(self) -> int:
-        """Counts up whenever `view` has something new to show."""
+        """Number of changes of `view` so far."""
         return self._bulletin.changed
 
     def wait_change(self, after: int, timeout: float) -> int:
-        """The counter, once it differs from `after`, or after `timeout` seconds."""
+        """Wait until `changed` differs from `after`, at most `timeout` seconds; return it."""
         return self._bulletin.wait(after, timeout)
 
     def picture(self, name: str, after: int, timeout: float) -> Picture | None:
-        """The newest of a stream of PICTURES, if newer than sequence number `after`; waits up to `timeout` s.
+        """Return the newest picture of a stream of PICTURES if its sequence number exceeds `after`, else None.
+
+        Waits up to `timeout` seconds for it.
 
         Raises:
-            StationError: for an unknown name, or when what came cannot be decoded.
+            StationError: when the name is unknown, or the picture cannot be decoded.
         """
         if name not in self._feeds:
             raise UnknownCommandError(name, self._feeds)
         try:
             return self._feeds[name].get(after, timeout)
-        except EXPECTED as error:
+        except EXPECTED_ERRORS as error:
             raise StationError(str(error)) from None
 
     def episode_picture(self, name: str, step: int, data_set: str | None = None) -> ColorImage:
-        """The colour image (H, W, 3) RGB of a recorded step. Raises StationError."""
-        return _said_in_one_line(lambda: self._library.picture(name, step, data_set))
+        """Return the colour image (H, W, 3) RGB of a recorded step. Raises StationError."""
+        return _with_station_errors(lambda: self._library.picture(name, step, data_set))
 
     def statistics_picture(self) -> bytes:
-        """The open data set's statistics as PNG. Raises StationError."""
-        return _said_in_one_line(self._library.statistics_png)
+        """Return the open data set's statistics as a PNG file. Raises StationError."""
+        return _with_station_errors(self._library.statistics_png)
 
     def command(self, name: str, arguments: Arguments) -> Answer:
-        """Obey, and answer; `words` says what was done.
+        """Execute a command and return its answer, whose `words` say what was done.
 
         Raises:
-            StationError: one line for a person; all is as before.
+            StationError: with one line for a person, when the command is refused; it has no effect then.
         """
         page = self._page
         known = {**page.always, **page.when_idle, **self._library.commands}
@@ -178,8 +180,10 @@ class Station:
                 raise UnknownCommandError(name, known)
             if name in page.when_idle:
                 self._work.refuse_when_busy()
+            if name in page.when_saved:
+                self._work.refuse_when_unsaved()
             answer = known[name](arguments)
-        except EXPECTED as error:
+        except EXPECTED_ERRORS as error:
             line = " ".join(str(error).split())
             self._bulletin.refuse(line)
             raise (error if isinstance(error, StationError) else StationError(line)) from None
@@ -190,94 +194,23 @@ class Station:
         return answer
 
     def view(self, holder: str | None) -> dict[str, Any]:
-        """Everything that the page shows, as plain values; holder: who holds the arm, passed through."""
+        """Return everything that the page shows, as plain values; holder: holder of the arm, passed through."""
         with self._bulletin.lock:
-            problem = self._watch.problem(self._now_ns, self._clock())
-            state, words = self._state(problem)
-            phase, progress = self._work.progress
-            return {
-                "state": state,
-                "words": words,
-                "instruction": self._page.instruction,
-                "history": list(self._recorder.history),
-                "primitive": self._desk.primitive.name.lower(),
-                "n_rotations": self.config.workspace.n_rotations,
-                "draft": {**self._desk.shown(), "source": self._desk.draft.source.name.lower()},
-                "plan": self._work.plan,
-                "phase": phase_words(phase) if phase else "",
-                "progress": progress,
-                "data_set": self._recorder.data_set_name,
-                "episode": self._recorder.episode,
-                "verdict": self._page.verdict,
-                "data_sets": list(self._recorder.data_set_names),
-                "policy": {
-                    "state": self._policy_state,
-                    "words": self._policy_words,
-                    "proposal": self._proposal_shown(),
-                },
-                "camera": self._camera_shown(),
-                "holder": holder,
-                "last": dict(self._bulletin.last),
-            }
+            return self._page_view.values(holder, self._now_ns, self._policy_state, self._policy_words)
 
     def close(self) -> None:
-        """Leave the episode as it is, on the disk; a goal that runs is cancelled."""
+        """Cancel the present goal, and leave the episode unfinished on the disk."""
         self._work.close()
         self._recorder.close()
 
-    def _look_again(self) -> None:
+    def _judge_draft(self) -> None:
         view = self._watch.view
         if view is None or self._work.activity is not Activity.NONE:
             return
         try:
             self._desk.judge(view)
-        except EXPECTED as error:
+        except EXPECTED_ERRORS as error:
             self.on_camera_fault(str(error))
-
-    def _state(self, problem: str | None) -> tuple[str, str]:
-        work = self._work
-        if work.stopped:
-            running = f" (still {work.activity.value})" if work.activity is not Activity.NONE else ""
-            return "stopped", f"Stopped{running}: nothing moves until you resume."
-        if work.activity is not Activity.NONE:
-            return work.activity.value, f"{work.activity.value.capitalize()}: {work.words}."
-        if problem is not None and not (self._bulletin.failure and problem == BEFORE_REST):
-            return ("waiting_for_camera" if self._watch.view is None else "stale"), _sentence(problem)
-        if self._bulletin.failure:
-            return "failed", _sentence(self._bulletin.failure)
-        return "ready", self._next_thing_to_do()
-
-    def _next_thing_to_do(self) -> str:
-        if self._recorder.data_set_name is None:
-            return "Ready: open a data set to record in."
-        if not self._page.instruction:
-            return "Ready: type what the next step is to do."
-        for which in ("pick", "place"):
-            if getattr(self._desk.draft, which) is None:
-                return f"Ready: draw the {which} box."
-        return "Ready: execute, or only record."
-
-    def _camera_shown(self) -> dict[str, Any]:
-        view = self._watch.view
-        age = self._watch.age(self._now_ns)
-        return {
-            "width": view.camera.width if view is not None else 0,
-            "height": view.camera.height if view is not None else 0,
-            "age_ms": round(1000 * age) if view is not None else None,
-            "fps": round(self._watch.rate(self._clock()), 1),
-        }
-
-    def _proposal_shown(self) -> dict[str, Any] | None:
-        proposal, view = self._work.proposal, self._watch.view
-        if proposal is None or view is None:
-            return None
-        workspace, z = self.config.workspace, self.config.box.table_z
-        ends = (("pick", proposal.pick), ("place", proposal.place))
-        shown: dict[str, Any] = {"instruction": proposal.instruction, "confidence": proposal.confidence}
-        for which, pose in ends:
-            shown[f"{which}_pixel"] = to_pixels(view, np.array([[pose.x, pose.y, z]]))[0]
-            shown[f"{which}_rotation"] = workspace.bin_of_yaw(pose.yaw)
-        return shown
 
     def _on_recorded(self) -> None:
         self._desk.clear()
@@ -285,12 +218,9 @@ class Station:
         self._work.plan = None
 
 
-def _sentence(words: str) -> str:
-    return words[:1].upper() + words[1:] + ("" if words.endswith((".", "?", "!")) else ".")
-
-
-def _said_in_one_line(act: Callable[[], T]) -> T:
+def _with_station_errors(act: Callable[[], T]) -> T:
+    """Return act's result; an expected error becomes a StationError of one line."""
     try:
         return act()
-    except EXPECTED as error:
+    except EXPECTED_ERRORS as error:
         raise StationError(" ".join(str(error).split())) from None

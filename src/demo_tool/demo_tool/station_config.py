@@ -1,43 +1,46 @@
-"""Every number of the station in one value."""
+"""Configuration of the station."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from cliport_perception.workspace import WorkspaceSpec
+from cliport_core.workspace import WorkspaceSpec
+from panda_model import HandModel, load_preset
 
 
 @dataclass(frozen=True)
 class BoxConfig:
-    """How a box's cloud is read; lengths in m, as the executor's grasp has them.
+    """Limits for the cloud in a box; lengths in m, as the executor's grasp has them.
 
-    finger_height: how far below its top an object is looked at (paper, appendix D); min_height: what rises less
-    above the table is the table; table_z: of the table; min_points, min_share: of a box's pixels, with depth;
-    widest: what the opened fingers go round.
+    min_height: least height of an object above the table; table_z: height of the table; min_points, min_share: least
+    number and share of a box's pixels with depth; hand: the grasping hand.
     """
 
-    finger_height: float = 0.0185
     min_height: float = 0.008
     table_z: float = 0.0
     min_points: int = 12
     min_share: float = 0.2
-    widest: float = 0.075
+    hand: HandModel = field(default_factory=lambda: load_preset().hand)
+
+    @property
+    def finger_height(self) -> float:
+        """Depth of the cloud below an object's top that counts [m]: the length of the pads (paper, appendix D)."""
+        return self.hand.pad_length
 
 
 @dataclass(frozen=True)
 class StationConfig:
-    """workspace and base_frame: the graph's own. Times in s, those ending in _timeout of wall time.
+    """Limits and times of the station, with the graph's workspace and base_frame; times in s, timeouts in wall time.
 
-    max_age: how old a picture may be; silence: without pictures the camera is gone after this;
-    settle: rest after a motion, before a picture counts; lost: an executor
-    that is not there for so long is lost; answer_timeout: until a goal is taken; goal_timeout: until it is over;
-    cancel_timeout: until a cancel is confirmed; proposal_timeout: until the policy has answered;
-    min_free: of the disk, without which nothing is begun [bytes]; crop: edge of the policy's crop around its
-    proposal [heightmap cells].
+    max_age: greatest age of a usable picture; silence: time without pictures after which the camera counts as gone;
+    settle: rest after a motion before a picture counts; lost: absence after which the executor counts as lost;
+    answer_timeout: until a goal is accepted; goal_timeout: until it ends; cancel_timeout: until a cancel is confirmed;
+    proposal_timeout: until the policy has answered; min_free: least free space on the disk for a step [bytes];
+    crop: edge of the policy's crop around its proposal [heightmap cells].
     """
 
     workspace: WorkspaceSpec = field(default_factory=WorkspaceSpec)
-    base_frame: str = "panda_link0"
+    base_frame: str = field(default_factory=lambda: load_preset().base_frame)
     box: BoxConfig = field(default_factory=BoxConfig)
     max_age: float = 1.0
     silence: float = 3.0

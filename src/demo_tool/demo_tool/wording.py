@@ -1,9 +1,9 @@
-"""What a person reads for phases, outcomes and states."""
+"""Wording of phases, outcomes and states for a person."""
 
 from __future__ import annotations
 
-from cliport_perception.policy_state import PolicyState
-from cliport_perception.primitive import Outcome
+from cliport_core.outcome import Outcome
+from cliport_core.policy_state import PolicyState
 
 _PHASES = {
     "": "asking the arm",
@@ -30,25 +30,25 @@ _OUTCOMES = {
     Outcome.CANCELLED: "stopped on the way",
 }
 
+NOT_MOVED = "recorded without moving"  # in place of an outcome
+
 
 def phase_words(name: str) -> str:
-    """Of a phase of the executor; an unknown one is said as it is."""
+    """Return the words for a phase of the executor; an unknown one's are its name."""
     return _PHASES.get(name, name.lower().replace("_", " "))
 
 
-def outcome_words(outcome: int, executed: bool = True) -> str:
-    """Of an outcome's number; an unknown one is said as it is."""
-    if not executed:
-        return "recorded without moving"
-    return _OUTCOMES[Outcome(outcome)] if outcome in set(Outcome) else f"outcome {outcome}"
+def outcome_words(outcome: Outcome) -> str:
+    """Return the words for an outcome."""
+    return _OUTCOMES[outcome]
 
 
 def policy_words(state: PolicyState, message: str) -> str:
-    """Of the policy server's state."""
+    """Return the words for the policy server's state and its message."""
     name = state.name.lower().replace("_", " ")
     return f"{name}: {message}" if message else name
 
 
 def verdict_words(success: bool | None) -> str:
-    """Of an episode's mark."""
+    """Return the words for an episode's mark."""
     return {True: "success", False: "failure", None: "not marked"}[success]

@@ -1,4 +1,4 @@
-"""Long work, one piece after the other, in a thread of its own."""
+"""Worker thread for long work, one job after the other."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ Job = Callable[[], None]
 
 
 class WorkThread:
-    """Calls what it is given, in order. A job sees to its own errors."""
+    """Thread that calls jobs in order; a job handles its own errors."""
 
     def __init__(self) -> None:
         self._jobs: SimpleQueue[Job] = SimpleQueue()

@@ -8,11 +8,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from station_fakes import BLOCKS, Block, FakeArm, FakePolicy, FakeTable
 
-from cliport_perception.pose import PlanarPose
+from cliport_core.action import ActionGoal
+from cliport_core.pose import PlanarPose
 from demo_tool.errors import StationError
-from demo_tool.fakes import BLOCKS, Block, FakeArm, FakePolicy, FakeTable
-from demo_tool.ports import OnEnd, OnPhase, PickPlaceGoal
+from demo_tool.ports import OnEnd, OnPhase
 from demo_tool.station import Station
 from demo_tool.station_config import StationConfig
 
@@ -25,7 +26,7 @@ NS = 1_000_000_000
 class HeldArm(FakeArm):
     """Answers a goal only when a test does."""
 
-    def send(self, goal: PickPlaceGoal, on_phase: OnPhase, on_end: OnEnd) -> None:
+    def send(self, goal: ActionGoal, on_phase: OnPhase, on_end: OnEnd) -> None:
         self.goals.append(goal)
         self.on_phase, self.on_end = on_phase, on_end
 

@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
+from station_fakes import BLOCKS, Block, FakeTable
 
+from cliport_core.pose import PlanarPose
+from cliport_core.workspace import WorkspaceSpec
 from cliport_episodes.demonstration import PixelBox
-from cliport_perception.pose import PlanarPose
-from cliport_perception.workspace import WorkspaceSpec
 from demo_tool.box_target import box_around, closing_directions, find_target, finger_outlines, to_pixels
 from demo_tool.errors import BoxError
-from demo_tool.fakes import BLOCKS, Block, FakeTable
 from demo_tool.station_config import BoxConfig
 
 TABLE = FakeTable(width=960, height=540)
@@ -66,7 +66,7 @@ def test_an_empty_table_holes_and_the_outside_are_said() -> None:
 
 def test_the_fingers_are_drawn_along_the_closing_direction() -> None:
     pose = PlanarPose(0.45, 0.0, np.pi / 2)
-    outlines = np.array(finger_outlines(VIEW, pose, 0.03))
+    outlines = np.array(finger_outlines(VIEW, pose, 0.03, CONFIG.hand))
     assert outlines.shape == (2, 4, 2)
     between = outlines[1].mean(axis=0) - outlines[0].mean(axis=0)
     direction = np.array(closing_directions(VIEW, 0.45, 0.0, 0.03, 36)[9])  # 90 degrees

@@ -3,14 +3,16 @@
 import re
 import shutil
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 from web_workplace import Workplace, workplace
 
 from cliport_episodes.demonstration import Source
+from cliport_episodes.errors import DiskFullError
 from cliport_episodes.reader import read_episode
+from cliport_episodes.writer import EpisodeWriter
 from demo_tool.web import arm_holder
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
@@ -99,11 +101,33 @@ class Person:
 
     def click_towards(self, end: str, rotation: int) -> None:
         """Click beside a box, in the direction of a rotation."""
+        self.page.mouse.click(*self.around(end, rotation, 50))
+
+    def middle(self, selector: str, number: int = 0) -> tuple[float, float]:
+        """The middle of something on the screen; what is drawn on the picture is drawn anew now and then."""
+        self.page.locator(selector).nth(number).wait_for()
+        x, y, width, height = self.page.evaluate(
+            """([selector, number]) => {
+                const area = document.querySelectorAll(selector)[number].getBoundingClientRect();
+                return [area.x, area.y, area.width, area.height];
+            }""",
+            [selector, number],
+        )
+        return x + width / 2, y + height / 2
+
+    def pull(self, start: tuple[float, float], end: tuple[float, float]) -> None:
+        """Drag by mouse from one point of the screen to another."""
+        self.page.mouse.move(*start)
+        self.page.mouse.down()
+        self.page.mouse.move(*end, steps=4)
+        self.page.mouse.up()
+
+    def around(self, end: str, rotation: int, pixels: float) -> tuple[float, float]:
+        """A point of the screen beside what a box holds, in the direction of a rotation."""
         shown = self.drawn(end)
-        row, col = shown["grasp"]["centroid_pixel"]
+        (row, col), (down, right) = shown["grasp"]["centroid_pixel"], shown["directions"][rotation]
         x, y = self.at(row, col)
-        down, right = shown["directions"][rotation]
-        self.page.mouse.click(x + 50 * right, y + 50 * down)
+        return x + pixels * right, y + pixels * down
 
     def drawn(self, end: str) -> dict:
         return self.place.station.view(None)["draft"][end]
@@ -127,10 +151,10 @@ def person(browser: "playwright.Browser", place: Workplace) -> Iterator[Person]:
     somebody.leave()
 
 
-def until(condition: object, what: str) -> None:
+def until(condition: Callable[[], object], what: str | Callable[[], str]) -> None:
     end = time.monotonic() + 5.0
-    while not condition():  # type: ignore[operator]
-        assert time.monotonic() < end, what
+    while not condition():
+        assert time.monotonic() < end, what if isinstance(what, str) else what()
         time.sleep(0.02)
 
 
@@ -153,7 +177,7 @@ def test_by_mouse_from_box_to_saved_episode(person: Person) -> None:
     person.page.locator(".end-drawing.pick .finger").first.wait_for(state="attached")
     person.click("#preview")
     person.page.locator("#plan", has_text="Reachable").wait_for()
-    assert not person.place.arm.goals[-1].pick.yaw < 1.5
+    assert not person.place.arm.goals[-1].action.pick.yaw < 1.5
     person.click("#execute")
     person.sees("executing")
     person.sees("ready")
@@ -170,14 +194,24 @@ def test_by_mouse_from_box_to_saved_episode(person: Person) -> None:
 def test_by_finger(browser: "playwright.Browser", place: Workplace) -> None:
     phone = {"viewport": {"width": 390, "height": 844}, "has_touch": True, "is_mobile": True, "device_scale_factor": 2}
     person = Person(browser, place, **phone)
+    try:
+        _use_fingers(person)
+    finally:
+        person.leave()
+
+
+def _use_fingers(person: Person) -> None:
+    place = person.place
     driver = person.page.context.new_cdp_session(person.page)
 
     def swipe(box: list[int]) -> None:
+        pull(person.at(box[0], box[1]), person.at(box[2], box[3]))
+
+    def pull(start: tuple[float, float], end: tuple[float, float]) -> None:
         def touch(kind: str, *where: tuple[float, float]) -> None:
             points = [{"x": x, "y": y} for x, y in where]
             driver.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
 
-        start, end = person.at(box[0], box[1]), person.at(box[2], box[3])
         touch("touchStart", start)
         touch("touchMove", ((start[0] + end[0]) / 2, (start[1] + end[1]) / 2))
         touch("touchMove", end)
@@ -189,10 +223,55 @@ def test_by_finger(browser: "playwright.Browser", place: Workplace) -> None:
     person.words("place", "points")
     person.page.locator(".end.place .turn[data-turn='1']").tap()
     person.words("place", "+10°")
+    person.page.evaluate("window.scrollTo(0, 0)")
+    pull(person.middle(".end-drawing.place .handle"), person.around("place", 5, 60))
+    person.words("place", "+50°")
+    top, left, bottom, right = place.table.box_at(0.5, -0.02)
+    start, end = person.at((top + bottom) / 2, (left + right) / 2), person.at(top + 20, right + 20)
+    pull(start, end)
+    until(lambda: person.drawn("place")["box"][0] > top + 5, "moved by finger")
+    person.words("place", "points")  # the page has settled, or the tap would miss
     person.page.locator("#record-only").tap()
-    until(lambda: len(steps(place)) == 1, "recorded")
+    until(lambda: len(steps(place)) == 1, lambda: f"recorded; the page says {person.page.text_content('#answer')}")
     assert place.arm.goals == []
-    person.leave()
+
+
+def test_the_rings_knob_is_dragged_round(person: Person) -> None:
+    person.drag(person.box)
+    person.words("pick", "points")
+    person.pull(person.middle(".end-drawing.pick .handle"), person.around("pick", 14, 90))
+    until(lambda: person.drawn("pick")["rotation"] == 14, "turned by a drag")
+    assert person.drawn("place") is None and person.drawn("pick")["box"] == pytest.approx(person.box, abs=1)
+
+
+def test_only_clicks_near_the_ring_turn_it(person: Person) -> None:
+    person.drag(person.box)
+    person.words("pick", "points")
+    for far in (110, 200):
+        person.page.mouse.click(*person.around("pick", 9, far))
+    person.page.mouse.click(*person.around("pick", 9, 4))  # in the box
+    person.click_towards("pick", 3)
+    until(lambda: person.drawn("pick")["rotation"] != 0, "turned")
+    assert person.drawn("pick")["rotation"] == 3
+
+
+def test_boxes_are_moved_and_resized(person: Person) -> None:
+    person.draw_both()
+    top, left, bottom, right = person.drawn("pick")["box"]
+    scale = person.at(0, 100)[0] / 100 - person.at(0, 0)[0] / 100  # pixels of the screen in one of the picture
+    x, y = person.at((top + bottom) / 2, (left + right) / 2)
+    person.pull((x, y), (x - 30 * scale, y + 10 * scale))
+    moved = [top + 10, left - 30, bottom + 10, right - 30]
+    until(lambda: person.drawn("pick")["box"] == pytest.approx(moved, abs=1), "moved")
+    corner = person.middle(".end-drawing.pick .grip", 3)
+    person.pull(corner, (corner[0] + 40 * scale, corner[1] + 6 * scale))
+    resized = [*moved[:2], moved[2] + 6, moved[3] + 40]
+    until(lambda: person.drawn("pick")["box"] == pytest.approx(resized, abs=1), "resized")
+    x, y = person.at(resized[0], (resized[1] + resized[3]) / 2)
+    person.pull((x, y), (x + 50, y - 12 * scale))
+    resized[0] -= 12
+    until(lambda: person.drawn("pick")["box"] == pytest.approx(resized, abs=1), "its upper side is moved")
+    assert person.drawn("place")["box"] == pytest.approx(person.goal, abs=1)
 
 
 def test_by_keys_alone(person: Person) -> None:
@@ -259,6 +338,23 @@ def test_the_space_bar_stops_from_a_button_and_types_in_a_text(person: Person) -
     person.sees("stopped")
 
 
+@pytest.mark.parametrize("text", ["put it\u200b there", "\u200eput it there", "put " * 200])
+def test_nothing_moves_under_another_instruction_than_the_one_that_is_typed(person: Person, text: str) -> None:
+    person.draw_both()
+    for button in ("#execute", "#record-only", "#ask"):
+        person.page.fill("#instruction", text)
+        person.click(button)
+        person.page.locator("#answer[data-ok=false]", has_text="instruction").wait_for()
+        person.sees("ready")
+        assert person.page.input_value("#instruction") == text  # to be corrected
+    assert person.place.arm.goals == [] and steps(person.place) == [] and person.place.policy.heard == []
+    person.page.fill("#instruction", "put it there")
+    person.click("#execute")
+    until(lambda: steps(person.place), "executed")
+    assert [step["instruction"] for step in steps(person.place)] == ["put it there"]
+    assert person.place.arm.goals[0].instruction == "put it there"
+
+
 def test_a_reload_in_mid_episode_keeps_everything(person: Person) -> None:
     person.draw_both()
     person.click("#record-only")
@@ -304,6 +400,30 @@ def test_two_pages_one_holds_the_arm(browser: "playwright.Browser", place: Workp
     other.page.locator("#watching").wait_for(state="hidden")
     person.page.locator("#watching").wait_for()
     other.leave()
+
+
+def test_an_undone_step_is_brought_back_and_an_unsaved_one_saved_again(
+    person: Person, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object) -> None:
+        raise DiskFullError(person.place.root, "no space is left", "Make room.")
+
+    person.draw_both()
+    with monkeypatch.context() as patch:
+        patch.setattr(EpisodeWriter, "add_step", full)
+        person.click("#execute")
+        person.page.locator("#unsaved", has_text="moved the arm (succeeded: done) and is not saved").wait_for()
+        person.sees("failed")
+        assert person.page.locator("#execute").is_disabled() and steps(person.place) == []
+    person.click("#save-again")
+    person.page.locator("#unsaved").wait_for(state="hidden")
+    assert [step["outcome"] for step in steps(person.place)] == ["succeeded"]
+    person.click("#undo")
+    person.page.locator("#steps li").wait_for(state="detached")
+    person.click("#restore-step")
+    person.page.locator("#steps li").wait_for()
+    assert [step["outcome"] for step in steps(person.place)] == ["succeeded"]
+    assert person.page.locator("#restore-step").is_hidden()
 
 
 def test_texts_from_outside_stay_texts(person: Person) -> None:
@@ -364,6 +484,32 @@ def test_episodes_are_edited(person: Person) -> None:
     until(lambda: not person.place.station.command("trash", {})["trashed"], "emptied")
 
 
+def test_a_trimmed_episode_shows_the_pictures_of_its_own_steps(person: Person) -> None:
+    for _ in range(2):
+        person.draw_both()
+        person.click("#execute")
+        person.sees("executing")
+        person.sees("ready")
+    person.click("#next-episode")
+    until(lambda: not steps(person.place), "saved")
+    (folder,) = episode_folders(person.place)
+    person.click("#tab-episodes")
+    person.click("#episode-table button")
+    person.page.get_by_label("First step that stays").select_option("2")
+    person.page.get_by_role("button", name="Trim").click()
+    person.page.locator("#one-episode", has_text="Step 2 (1 of the 1 that stay)").wait_for()
+    picture = person.page.locator("#one-episode img")
+    assert (picture.get_attribute("src") or "").endswith("/1.jpg")
+    until(lambda: picture.evaluate("e => e.naturalWidth") == 480, "the picture is there")
+    person.page.fill("#relabel-text", "the second")
+    person.page.get_by_role("button", name="This step").click()
+    person.page.locator("#episode-table td", has_text="the second").wait_for()
+    person.page.get_by_role("button", name="Keep all again").click()
+    person.page.locator("#one-episode", has_text="of 2").wait_for()
+    assert [step.record.instruction for step in read_episode(folder).steps][1] == "the second"
+    EpisodeWriter.resume(folder).close()  # no trim is left
+
+
 def test_data_sets_are_split_and_merged(person: Person) -> None:
     for _ in range(2):
         person.draw_both()
@@ -385,6 +531,20 @@ def test_data_sets_are_split_and_merged(person: Person) -> None:
     person.page.select_option("#merge-other", f"{name}_train")
     person.click("#merge button")
     person.page.locator("#episodes-answer", has_text="0 of the 1 episodes").wait_for()
+
+
+def test_the_printed_link_works_from_a_chat(browser: "playwright.Browser", tmp_path: Path) -> None:
+    token = "a-long-enough-token"
+    with workplace(tmp_path, token=token, host="0.0.0.0") as place:
+        page = browser.new_context().new_page()
+        links = f"<a id=first href='{place.url}/?token={token}'>demo</a> <a id=later href='{place.url}/'>again</a>"
+        page.route("http://chat.example/**", lambda route: route.fulfill(body=links, content_type="text/html"))
+        for link in ("#first", "#later"):
+            page.goto("http://chat.example/")
+            page.click(link)
+            page.locator("#state[data-state=ready]").wait_for(timeout=10_000)
+            assert page.url == f"{place.url}/"  # the token does not stay in the address
+        page.context.close()
 
 
 @pytest.mark.parametrize(("width", "height"), [(390, 844), (1024, 768)])

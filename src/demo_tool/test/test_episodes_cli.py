@@ -6,14 +6,15 @@ from pathlib import Path
 
 import pytest
 
+from cliport_core.action import PickPlaceAction
+from cliport_core.outcome import ActionResult, Outcome
+from cliport_core.pose import PlanarPose, Pose
+from cliport_core.workspace import WorkspaceSpec
 from cliport_episodes.capture_setup import CaptureSetup
 from cliport_episodes.data_set import DataSet
 from cliport_episodes.demonstration import PixelBox, Source, StepRecord
 from cliport_episodes.writer import EpisodeWriter
 from cliport_perception.camera_model import CameraModel
-from cliport_perception.pose import PlanarPose, Pose
-from cliport_perception.primitive import Primitive
-from cliport_perception.workspace import WorkspaceSpec
 from demo_tool.episodes_cli import main
 
 
@@ -36,20 +37,14 @@ def record(path: Path, setup: CaptureSetup, names: tuple[str, ...], text: str = 
         stamp_ns=1_700_000_000_000_000_000,
         frame_id="panda_link0",
         instruction=text,
-        primitive=Primitive.PICK_PLACE,
         source=Source.CLICKED,
         pick_box=PixelBox(10, 20, 18, 30),
         place_box=None,
         pick_rotation=3,
         place_rotation=0,
         n_rotations=36,
-        pick=PlanarPose(0.4, -0.1, 0.5),
-        place=PlanarPose(0.5, 0.2, 0.0),
-        executed=True,
-        outcome=5,
-        message="nothing between the fingers",
-        grasp_centroid=None,
-        gripper_width=0.0,
+        action=PickPlaceAction(PlanarPose(0.4, -0.1, 0.5), PlanarPose(0.5, 0.2, 0.0)),
+        result=ActionResult(Outcome.GRASP_MISSED, "nothing between the fingers"),
     )
     DataSet.create(path, setup)
     for name in names:

@@ -1,10 +1,11 @@
 """The policy proposes, a person corrects; the server never gets to move the arm."""
 
 import pytest
+from station_fakes import BLOCKS
 
-from cliport_perception.policy_state import PolicyState
-from cliport_perception.pose import PlanarPose
-from demo_tool.fakes import BLOCKS
+from cliport_core.action import Primitive
+from cliport_core.policy_state import PolicyState, ServerStatus
+from cliport_core.pose import PlanarPose
 
 
 @pytest.fixture
@@ -31,8 +32,20 @@ def test_a_proposal_becomes_the_draft_and_the_servers_goal_is_dropped(asked) -> 
     assert top < row < bottom and left < col < right
     asked.do("execute")
     goal = asked.arm.goals[-1]
-    assert (goal.pick, goal.place) == (asked.policy.pick, asked.policy.place)  # exactly as proposed
+    assert (goal.action.pick, goal.action.place) == (asked.policy.pick, asked.policy.place)  # exactly as proposed
     assert asked.steps[0]["source"] == "proposed" and asked.view["policy"]["proposal"] is None
+
+
+@pytest.mark.parametrize(("drawn", "proposed"), [("pick_place", Primitive.SWEEP), ("sweep", Primitive.PICK_PLACE)])
+def test_a_proposal_brings_its_primitive(asked, drawn, proposed) -> None:
+    asked.do("primitive", name=drawn)
+    asked.policy.primitive = proposed
+    asked.do("propose")
+    assert asked.view["primitive"] == drawn  # nothing changes before it is taken
+    asked.do("correct")
+    assert asked.view["primitive"] == proposed.label
+    asked.do("execute")
+    assert asked.arm.goals[-1].action.primitive is proposed
 
 
 def test_a_changed_box_takes_its_own_centroid_a_turned_one_keeps_the_position(asked) -> None:
@@ -44,8 +57,9 @@ def test_a_changed_box_takes_its_own_centroid_a_turned_one_keeps_the_position(as
     asked.do("pick", box=asked.table.box_around(BLOCKS[1]), rotation=0)
     asked.do("execute")
     goal = asked.arm.goals[-1]
-    assert goal.pick.x == pytest.approx(BLOCKS[1].x, abs=0.01) and goal.pick.y == pytest.approx(BLOCKS[1].y, abs=0.01)
-    assert (goal.place.x, goal.place.y) == (0.50, -0.28) and goal.place.yaw == pytest.approx(1.5708, abs=1e-3)
+    pick, place = goal.action.pick, goal.action.place
+    assert pick.x == pytest.approx(BLOCKS[1].x, abs=0.01) and pick.y == pytest.approx(BLOCKS[1].y, abs=0.01)
+    assert (place.x, place.y) == (0.50, -0.28) and place.yaw == pytest.approx(1.5708, abs=1e-3)
     assert asked.steps[0]["source"] == "corrected"
 
 
@@ -75,7 +89,7 @@ def test_a_server_that_would_not_wait_is_not_asked(asked, waits, words) -> None:
 def test_a_server_that_moves_nevertheless_is_told_to_drop_it(asked) -> None:
     asked.policy.instruct = asked.policy.heard.append
     asked.do("propose")
-    asked.station.on_policy_status(PolicyState.EXECUTING, "step 1", "put the red block aside")
+    asked.station.on_policy_status(ServerStatus(PolicyState.EXECUTING, "step 1", "put the red block aside"))
     assert asked.policy.heard[-1] == "" and "began to move without approval" in asked.last
 
 
@@ -87,19 +101,19 @@ def test_no_proposal_says_why(asked, state, words) -> None:
     asked.policy.instruct = asked.policy.heard.append
     asked.do("propose")
     assert asked.state == "proposing"
-    asked.station.on_policy_status(state, "about something else", "another instruction")
+    asked.station.on_policy_status(ServerStatus(state, "about something else", "another instruction"))
     assert asked.state == "proposing"
-    asked.station.on_policy_status(state, words, "put the red block aside")
+    asked.station.on_policy_status(ServerStatus(state, words, "put the red block aside"))
     assert asked.state == "failed" and words in asked.last
 
 
 def test_silence_ends(asked) -> None:
-    asked.policy.ask_whether_it_waits = lambda on_answer: None
+    asked.policy.ask_require_approval = lambda on_answer: None
     asked.do("propose")
     asked.wait(3.1)
     asked.see()
     assert asked.state == "failed" and "whether the policy server waits for approval" in asked.last
-    asked.policy.ask_whether_it_waits = lambda on_answer: on_answer(True)
+    asked.policy.ask_require_approval = lambda on_answer: on_answer(True)
     asked.policy.instruct = asked.policy.heard.append
     asked.do("propose")
     asked.wait(46.0)
@@ -111,7 +125,7 @@ def test_poses_of_two_observations_are_not_mixed(asked) -> None:
     asked.do("propose")
     pose = PlanarPose(0.42, -0.12, 0.0)
     asked.station.on_policy_pose("pick", pose, 1)
-    asked.station.on_policy_status(PolicyState.WAITING_FOR_APPROVAL, "", "put the red block aside")
+    asked.station.on_policy_status(ServerStatus(PolicyState.WAITING_FOR_APPROVAL, "", "put the red block aside"))
     asked.station.on_policy_pose("place", pose, 2)
     assert asked.state == "proposing"
     asked.station.on_policy_pose("pick", pose, 2)
@@ -129,5 +143,5 @@ def test_stop_ends_a_proposal(asked) -> None:
     asked.do("propose")
     asked.do("stop")
     assert asked.policy.heard[-1] == "" and asked.state == "stopped"
-    asked.station.on_policy_status(PolicyState.WAITING_FOR_APPROVAL, "", "put the red block aside")
+    asked.station.on_policy_status(ServerStatus(PolicyState.WAITING_FOR_APPROVAL, "", "put the red block aside"))
     assert asked.view["policy"]["proposal"] is None

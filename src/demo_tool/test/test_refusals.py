@@ -4,11 +4,11 @@ import shutil
 
 import numpy as np
 import pytest
+from station_fakes import BLOCKS
 
-from cliport_perception.policy_state import PolicyState
-from cliport_perception.pose import Pose
+from cliport_core.policy_state import PolicyState, ServerStatus
+from cliport_core.pose import Pose
 from demo_tool.errors import StationError
-from demo_tool.fakes import BLOCKS
 from demo_tool.station_config import StationConfig
 
 
@@ -86,7 +86,7 @@ def test_any_script_will_do(bench, text) -> None:
 def test_instructions_are_short_and_printable(bench) -> None:
     bench.do("instruction", text="put it away")
     assert "10000 characters: at most 500" in bench.refused("instruction", text="a" * 10_000)
-    for bad in ("a\x07b", "a\nb", "a\x1b[31mb", "a\u202eb", "a\u2028b"):
+    for bad in ("a\x07b", "a\x1b[31mb", "a\u202eb"):
         assert "U+" in bench.refused("instruction", text=bad)
     assert "must be a text" in bench.refused("instruction", text=["a"])
     assert bench.view["instruction"] == "put it away"
@@ -95,6 +95,50 @@ def test_instructions_are_short_and_printable(bench) -> None:
     bench.do("open_data_set", name="blocks")
     bench.draw()
     assert "type the instruction first" in bench.refused("execute")
+
+
+@pytest.mark.parametrize("command", ["execute", "record"])
+def test_a_step_whose_text_is_refused_leaves_all_as_it_was(bench, command) -> None:
+    bench.begin()
+    bench.draw()
+    assert "U+200B" in bench.refused(command, text="put it\u200bthere")
+    assert bench.view["instruction"] == "put the red block aside" and bench.steps == []
+    bench.do(command, text="put it there")
+    assert bench.view["instruction"] == bench.steps[0]["instruction"] == "put it there"
+
+
+@pytest.mark.parametrize("command", ["execute", "record", "preview"])
+def test_a_step_is_the_one_that_the_page_shows(bench, command) -> None:
+    bench.begin()
+    bench.draw()
+    shown = {
+        "primitive": bench.view["primitive"],
+        "pick": bench.view["draft"]["pick"],
+        "place": bench.view["draft"]["place"],
+    }
+    seen = {
+        name: {k: end[k] for k in ("box", "rotation")} if name in ("pick", "place") else end
+        for name, end in shown.items()
+    }
+    bench.do("pick", box=bench.table.box_around(BLOCKS[1]), rotation=9)  # of another page, or in a tunnel's delay
+    for other in (seen, {**seen, "pick": None}, {**seen, "pick": {**seen["pick"], "rotation": 9}}, {}, None, "x"):
+        assert "has changed" in bench.refused(command, text="put it elsewhere", draft=other)
+    assert bench.view["instruction"] == "put the red block aside" and bench.steps == []
+    box = bench.view["draft"]["pick"]["box"]
+    assert "has changed" in bench.refused(
+        command, draft={**seen, "pick": {"box": box, "rotation": 9}, "primitive": "fold"}
+    )
+    bench.do(command, draft={**seen, "pick": {"box": box, "rotation": 9}})
+
+
+def test_a_sweeps_rotations_are_not_the_pages(bench) -> None:
+    bench.begin()
+    bench.draw()
+    bench.do("primitive", name="sweep")
+    shown = bench.view["draft"]
+    seen = {which: {"box": shown[which]["box"], "rotation": 35} for which in ("pick", "place")}
+    bench.do("execute", draft={"primitive": "sweep", **seen})
+    assert len(bench.steps) == 1
 
 
 def test_a_full_disk_is_said_before_anything_moves(make_bench) -> None:
@@ -155,7 +199,7 @@ def test_a_busy_arm(held) -> None:
 def test_a_policy_that_moves_the_arm_is_not_disturbed(bench) -> None:
     bench.begin()
     bench.draw()
-    bench.station.on_policy_status(PolicyState.EXECUTING, "step 1: CARRY", "something else")
+    bench.station.on_policy_status(ServerStatus(PolicyState.EXECUTING, "step 1: CARRY", "something else"))
     for command in ("execute", "preview", "propose"):
         assert "the policy server is moving the arm" in bench.refused(command)
 
@@ -182,6 +226,21 @@ def test_names_stay_within_the_folder_of_data_sets(bench, name) -> None:
     bench.see()
     assert "name" in bench.refused("open_data_set", name=name)
     assert not any(bench.root.iterdir())
+
+
+def test_no_picture_comes_from_outside_the_folder_of_data_sets(make_bench, tmp_path) -> None:
+    """The folder's parent is a data set here: a name must not lead to it."""
+    outside = make_bench(root=tmp_path)
+    outside.begin("blocks")
+    outside.draw()
+    outside.do("record")
+    name = outside.view["episode"]["name"]
+    outside.do("end_episode", success=True)
+    assert outside.station.episode_picture(name, 0, "blocks").any()
+    within = make_bench(root=tmp_path / "blocks" / "sets")
+    for data_set in ("..", "../../blocks", str(tmp_path / "blocks")):
+        with pytest.raises(StationError, match="data set name"):
+            within.station.episode_picture(name, 0, data_set)
 
 
 def test_what_cannot_be_merged_or_split(bench) -> None:

@@ -4,17 +4,18 @@ import signal
 import subprocess
 import sys
 import threading
+from pathlib import Path
 
 import numpy as np
 import pytest
+from station_fakes import BLOCKS
 
+from cliport_core.action import Primitive
+from cliport_core.outcome import ActionResult, Outcome
 from cliport_episodes.data_set import DataSet
 from cliport_episodes.demonstration import Source
 from cliport_episodes.errors import DiskFullError
 from cliport_episodes.writer import EpisodeWriter
-from cliport_perception.primitive import Outcome, Primitive
-from demo_tool.fakes import BLOCKS
-from demo_tool.ports import ArmResult
 
 
 def episode_of(bench, number: int = -1):
@@ -38,15 +39,16 @@ def test_two_steps_are_executed_recorded_and_read_back(bench) -> None:
     assert episode.success is True and episode.finished and episode.final is not None and not episode.complaints
     assert len(episode.steps) == 2
     first = episode.steps[0].record
-    assert first.source is Source.CLICKED and first.executed and first.outcome == Outcome.SUCCEEDED
-    assert first.pick.x == pytest.approx(BLOCKS[0].x, abs=0.01) and first.pick.yaw == pytest.approx(np.pi / 2)
+    assert first.source is Source.CLICKED and first.result == bench.arm.result
+    pick = first.action.pick
+    assert pick.x == pytest.approx(BLOCKS[0].x, abs=0.01) and pick.yaw == pytest.approx(np.pi / 2)
     assert (first.pick_rotation, first.n_rotations) == (9, 36)
-    assert first.instruction == "put the red block aside" and first.primitive is Primitive.PICK_PLACE
+    assert first.instruction == "put the red block aside" and first.action.primitive is Primitive.PICK_PLACE
     box = first.pick_box
     assert [box.top, box.left, box.bottom, box.right] == bench.table.box_around(BLOCKS[0])
     goal = bench.arm.goals[0]
     assert goal.stamp_ns == first.stamp_ns
-    for asked, kept in ((goal.pick, first.pick), (goal.place, first.place)):
+    for asked, kept in ((goal.action.pick, first.action.pick), (goal.action.place, first.action.place)):
         assert (asked.x, asked.y, asked.yaw) == pytest.approx((kept.x, kept.y, kept.yaw))
     assert not goal.plan_only and goal.instruction == first.instruction
 
@@ -57,7 +59,7 @@ def test_the_observation_is_the_one_from_before_the_motion(bench) -> None:
     before = bench.station.picture("color", 0, 0.0)
 
     def carried(goal) -> None:
-        bench.table.move(goal.pick, goal.place)
+        bench.table.move(goal.action.pick, goal.action.place)
         bench.now += 5.0
         bench.see()  # pictures come while the arm moves
 
@@ -80,14 +82,14 @@ def test_the_observation_is_the_one_from_before_the_motion(bench) -> None:
     ],
 )
 def test_a_failed_grasp_is_recorded_and_said(bench, outcome, words) -> None:
-    bench.arm.result = ArmResult(outcome, "so it went")
+    bench.arm.result = ActionResult(outcome, "so it went")
     bench.begin()
     bench.draw()
     bench.do("execute")
     assert bench.state == "failed" and words in bench.last and "Undo" in bench.last
     assert bench.steps[0]["outcome"] == words
     record = episode_of(bench).steps[0].record
-    assert record.executed and record.outcome == outcome and record.message == "so it went"
+    assert record.result == ActionResult(outcome, "so it went")
     bench.rest()
     bench.do("instruction", text="again")
     assert bench.state == "ready"
@@ -95,7 +97,7 @@ def test_a_failed_grasp_is_recorded_and_said(bench, outcome, words) -> None:
 
 @pytest.mark.parametrize("outcome", [Outcome.REJECTED, Outcome.PLANNING_FAILED])
 def test_where_nothing_moved_nothing_is_recorded(bench, outcome) -> None:
-    bench.arm.result = ArmResult(outcome, "the hand cannot reach")
+    bench.arm.result = ActionResult(outcome, "the hand cannot reach")
     bench.begin()
     bench.draw()
     bench.do("execute")
@@ -111,7 +113,7 @@ def test_a_preview_says_whether_the_arm_could(bench) -> None:
     assert bench.view["plan"] == {"reachable": True, "words": "a way was found"} and bench.state == "ready"
     bench.draw(BLOCKS[1])
     assert bench.view["plan"] is None
-    bench.arm.result = ArmResult(Outcome.PLANNING_FAILED, "out of reach")
+    bench.arm.result = ActionResult(Outcome.PLANNING_FAILED, "out of reach")
     bench.do("preview")
     assert bench.view["plan"] == {"reachable": False, "words": "out of reach"} and bench.state == "failed"
     assert bench.steps == []
@@ -124,7 +126,7 @@ def test_recording_only_moves_nothing(bench) -> None:
     bench.do("record")
     assert bench.arm.goals == [] and bench.steps[0]["outcome"] == "recorded without moving"
     record = episode_of(bench).steps[0].record
-    assert not record.executed and record.primitive is Primitive.FOLD
+    assert record.result is None and record.action.primitive is Primitive.FOLD
 
 
 def test_a_sweep_is_drawn_asked_for_and_recorded_across_its_way(bench) -> None:
@@ -143,10 +145,10 @@ def test_a_sweep_is_drawn_asked_for_and_recorded_across_its_way(bench) -> None:
     bench.rest()
     bench.do("end_episode", success=True)
     record = episode_of(bench).step(0).record
-    assert (record.primitive, record.source) == (Primitive.SWEEP, Source.CLICKED)
-    assert record.pick == goal.pick and record.place == goal.place
+    assert (record.action.primitive, record.source) == (Primitive.SWEEP, Source.CLICKED)
+    assert record.action == goal.action
     assert (record.pick_rotation, record.place_rotation) == (9, 9)
-    assert goal.pick.yaw == goal.place.yaw == pytest.approx(np.pi / 2, abs=0.05)
+    assert goal.action.pick.yaw == goal.action.place.yaw == pytest.approx(np.pi / 2, abs=0.05)
     bench.do("primitive", name="fold")
     bench.draw(rotation=7)
     assert bench.view["draft"]["pick"]["rotation"] == 7
@@ -166,6 +168,23 @@ def test_undo_drops_the_last_step_and_says_that_the_arm_stays(bench) -> None:
     assert bench.view["episode"] is None and bench.do("episodes") == {"episodes": []}
 
 
+def test_an_undone_step_comes_back(bench) -> None:
+    bench.begin()
+    for text in ("the first", "the second"):
+        bench.draw()
+        bench.do("record", text=text)
+    assert not bench.view["episode"]["restorable"]
+    bench.do("undo")
+    assert bench.view["episode"]["restorable"] and bench.do("trash")["undone_steps"] == 1
+    assert bench.do("restore_step")["words"] == "the step is back"
+    assert [step["instruction"] for step in bench.steps] == ["the first", "the second"]
+    assert [step.record.instruction for step in episode_of(bench).steps] == ["the first", "the second"]
+    assert "no step to bring back" in bench.refused("restore_step")
+    bench.do("undo")
+    bench.do("empty_trash")
+    assert "no step to bring back" in bench.refused("restore_step")
+
+
 def test_marks(bench) -> None:
     bench.begin()
     bench.draw()
@@ -183,8 +202,8 @@ def test_marks(bench) -> None:
 KILLED = """
 import os, signal, sys
 from pathlib import Path
-from cliport_perception.pose import PlanarPose
-from demo_tool.fakes import BLOCKS, FakeArm, FakePolicy, FakeTable
+from cliport_core.pose import PlanarPose
+from station_fakes import BLOCKS, FakeArm, FakePolicy, FakeTable
 from demo_tool.station import Station
 from demo_tool.station_config import StationConfig
 
@@ -205,7 +224,9 @@ os.kill(os.getpid(), signal.SIGKILL)
 
 
 def test_a_station_goes_on_with_the_episode_of_one_that_was_killed(bench) -> None:
-    killed = subprocess.run([sys.executable, "-c", KILLED, str(bench.root)], capture_output=True, text=True)
+    killed = subprocess.run(
+        [sys.executable, "-c", KILLED, str(bench.root)], capture_output=True, text=True, cwd=Path(__file__).parent
+    )
     assert killed.returncode == -signal.SIGKILL, killed.stderr
     bench.see()
     assert "goes on after 1 steps" in bench.do("open_data_set", name="blocks")["words"]
@@ -245,10 +266,45 @@ def test_a_disk_that_fills_up_during_the_motion(bench, monkeypatch) -> None:
     bench.do("execute")
     assert bench.state == "failed" and "the arm moved" in bench.last and "was not recorded" in bench.last
     assert "no space is left" in bench.last and len(bench.steps) == 1
+    assert bench.view["unsaved"] == "succeeded: done"
+    for command in ("execute", "record", "undo", "end_episode"):
+        assert "save it again" in bench.refused(command)
+    assert "save it again" in bench.refused("open_data_set", name="other")
+    assert "no space is left" in bench.refused("save_again") and bench.view["unsaved"]
     monkeypatch.undo()
     bench.rest()
-    bench.do("record")  # the draft is still there
-    assert len(bench.steps) == 2
+    bench.do("instruction", text="something else meanwhile")
+    assert bench.do("save_again")["words"] == "recorded; succeeded: done"
+    assert bench.view["unsaved"] is None and bench.state == "ready" and len(bench.steps) == 2
+    assert "every step is saved" in bench.refused("save_again")
+    steps = episode_of(bench).steps
+    assert steps[1].record.result is not None and steps[1].record.instruction == "put the red block aside"
+    assert steps[1].record.action.pick.x == pytest.approx(BLOCKS[1].x, abs=0.01)
+
+
+@pytest.mark.parametrize("end", ["drop_unsaved", "discard_episode", "close"])
+def test_a_step_that_could_not_be_saved_is_dropped_or_saved_at_the_end(bench, monkeypatch, end) -> None:
+    bench.begin()
+    bench.draw()
+    bench.do("record")
+
+    def full(*_):
+        raise DiskFullError(bench.root, "no space is left", "Make room.")
+
+    monkeypatch.setattr(EpisodeWriter, "add_step", full)
+    bench.draw(BLOCKS[1])
+    bench.do("execute")
+    monkeypatch.undo()
+    bench.rest()
+    if end == "close":
+        bench.station.close()
+        assert len(episode_of(bench).steps) == 2
+        return
+    bench.do(end)
+    assert bench.view["unsaved"] is None
+    bench.draw(BLOCKS[1])
+    bench.do("execute")
+    assert len(bench.steps) == (2 if end == "drop_unsaved" else 1)
 
 
 def test_a_step_is_recorded_once_whatever_the_arm_says(held) -> None:
@@ -259,7 +315,7 @@ def test_a_step_is_recorded_once_whatever_the_arm_says(held) -> None:
     on_phase("CARRY", 0.6)
     assert held.state == "executing" and held.view["progress"] == 0.6 and held.view["phase"] == "carrying"
     for _ in range(3):
-        on_end(ArmResult(Outcome.SUCCEEDED, "done"))
+        on_end(ActionResult(Outcome.SUCCEEDED, "done"))
         on_phase("RETREAT", 0.9)
     held.rest()
     assert len(held.steps) == 1 and held.state == "ready"
@@ -283,11 +339,11 @@ def test_editing(bench) -> None:
     assert bench.do("statistics")["statistics"]["n_steps"] == 2
     assert bench.station.statistics_picture().startswith(b"\x89PNG")
     bench.do("delete", name=name)
-    assert bench.do("trash") == {"trashed": [name]} and bench.do("episodes") == {"episodes": []}
+    assert bench.do("trash") == {"trashed": [name], "undone_steps": 0} and bench.do("episodes") == {"episodes": []}
     bench.do("restore", name=name)
     bench.do("delete", name=name)
     bench.do("empty_trash")
-    assert bench.do("trash") == {"trashed": []}
+    assert bench.do("trash")["trashed"] == []
     assert "no episode" in bench.refused("relabel", name=name, text="x")
     assert "name" in bench.refused("delete", name="../blocks")
 

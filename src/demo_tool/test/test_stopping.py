@@ -3,11 +3,11 @@
 import time
 
 import pytest
+from station_fakes import BLOCKS, FakeArm, FakePolicy, FakeTable
 
-from cliport_perception.pose import PlanarPose
-from cliport_perception.primitive import Outcome
-from demo_tool.fakes import BLOCKS, FakeArm, FakePolicy, FakeTable
-from demo_tool.ports import ACCEPTED, ArmResult
+from cliport_core.outcome import ActionResult, Outcome
+from cliport_core.pose import PlanarPose
+from demo_tool.ports import ACCEPTED
 from demo_tool.recording import Recorder
 from demo_tool.station import Station
 from demo_tool.station_config import StationConfig
@@ -33,7 +33,7 @@ def test_stop_works_in_every_state_at_once_and_latches(held) -> None:
     held.do("execute")
     held.do("stop")
     assert held.arm.stopped and held.state == "stopped" and "still planning" in held.view["words"]
-    held.arm.on_end(ArmResult(Outcome.CANCELLED, "cancelled during planning; nothing moved"))
+    held.arm.on_end(ActionResult(Outcome.CANCELLED, "cancelled during planning; nothing moved"))
     assert held.steps == [] and "nothing was recorded" in held.last and held.state == "stopped"
 
 
@@ -43,7 +43,7 @@ def test_a_stop_on_the_way_is_recorded_as_it_went(held) -> None:
     held.arm.on_phase("GO_ABOVE_PICK", 0.2)
     held.do("stop")
     assert held.state == "stopped" and "still executing" in held.view["words"]
-    held.arm.on_end(ArmResult(Outcome.CANCELLED, "cancelled during go_above_pick; the arm holds"))
+    held.arm.on_end(ActionResult(Outcome.CANCELLED, "cancelled during go_above_pick; the arm holds"))
     assert held.steps[0]["outcome"] == "stopped on the way" and held.state == "stopped"
     assert "the arm does not go back" in held.last
 
@@ -75,7 +75,7 @@ def test_an_executor_that_never_answers(held) -> None:
     held.wait(0.2)
     held.see()
     assert held.state == "failed" and "no answer for 5 s" in held.last and held.steps == []
-    held.arm.on_end(ArmResult(Outcome.SUCCEEDED, "too late"))
+    held.arm.on_end(ActionResult(Outcome.SUCCEEDED, "too late"))
     assert held.steps == [] and held.state == "failed"
     held.do("execute")  # it can be tried again
     assert len(held.arm.goals) == 2
@@ -135,7 +135,7 @@ def test_every_state_has_words(held) -> None:
     note()
     held.arm.on_phase("CARRY", 0.6)
     note()
-    held.arm.on_end(ArmResult(Outcome.GRASP_MISSED, "nothing between the fingers"))
+    held.arm.on_end(ActionResult(Outcome.GRASP_MISSED, "nothing between the fingers"))
     note()
     held.do("stop")
     note()

@@ -84,6 +84,18 @@ def test_who_watches_sees_everything_and_may_only_stop(tmp_path: Path) -> None:
         assert not ask(first, "clear")["ok"] and ask(second, "clear")["ok"]
 
 
+def test_nobody_commands_an_arm_that_nobody_holds(tmp_path: Path) -> None:
+    with workplace(tmp_path) as place, opened(place, "first-page") as first, opened(place, "second-page") as second:
+        until(first, "holder", "me")
+        assert ask(first, "give_up")["ok"]
+        until(second, "holder", None)
+        for page in (first, second):
+            refusal = ask(page, "primitive", name="sweep")
+            assert not refusal["ok"] and "take over" in refusal["error"]
+        assert place.station.view(None)["primitive"] == "pick_place"
+        assert ask(second, "take_over")["ok"] and ask(second, "primitive", name="sweep")["ok"]
+
+
 def test_the_same_page_again_replaces_its_old_connection(tmp_path: Path) -> None:
     with workplace(tmp_path) as place, opened(place, "twice-opened") as old:
         until(old, "holder", "me")

@@ -1,6 +1,8 @@
 """Pictures by long poll, as large as the link allows."""
 
+import gc
 import http.client
+import socket
 import threading
 import time
 from collections.abc import Iterator
@@ -33,7 +35,7 @@ def size_of(file: bytes) -> tuple[int, ...]:
 
 
 def test_each_answer_is_the_next_picture(place: Workplace) -> None:
-    after, stamps = 0, []
+    after, stamps, began_ns = 0, [], time.time_ns()
     for _ in range(3):
         status, headers, file = get(place, f"/picture/color.jpg?after={after}")
         assert status == 200 and headers["Content-Type"] == "image/jpeg"
@@ -41,7 +43,7 @@ def test_each_answer_is_the_next_picture(place: Workplace) -> None:
         after = int(headers["X-Sequence"])
         stamps.append(int(headers["X-Stamp-Ns"]))
     assert stamps == sorted(set(stamps))
-    assert abs(time.time_ns() - stamps[-1]) < 1e9
+    assert stamps[-1] > began_ns  # of the camera's clock, which is the system's
     assert size_of(file) == (270, 480, 3)
 
 
@@ -52,16 +54,23 @@ def test_colours_arrive_as_they_are() -> None:
 
 
 def test_answers_do_not_wait_for_acknowledgements(place: Workplace) -> None:
+    """Header and body are two writes: with Nagle's algorithm the body would come 40 ms later."""
     connection = http.client.HTTPConnection("127.0.0.1", place.port, timeout=5)
-    bodies = []
-    for _ in range(9):  # header and body are two writes: with Nagle's algorithm the body comes 40 ms later
-        connection.request("GET", "/static/app.js")
-        answer = connection.getresponse()
-        began = time.monotonic()
-        answer.read()
-        bodies.append(time.monotonic() - began)
+    connection.request("GET", "/static/app.js")
+    assert connection.getresponse().read()
+    client = connection.sock.getsockname()
+    sockets = [each for each in gc.get_objects() if type(each) is socket.socket]  # isinstance trips over dead proxies
+    (accepted,) = [each for each in sockets if _peer(each) == client]
+    assert accepted.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY)
     connection.close()
-    assert sorted(bodies)[4] < 0.02
+
+
+def _peer(each: socket.socket) -> object:
+    """The other end's address; None where there is none."""
+    try:
+        return each.getpeername()
+    except OSError:
+        return None
 
 
 def test_a_small_page_gets_small_pictures(place: Workplace) -> None:
@@ -81,10 +90,11 @@ def test_a_slow_link_gets_less_until_it_suffices(place: Workplace) -> None:
     assert level == len(LEVELS) - 1
 
 
-def test_what_does_not_come_is_not_waited_for_for_ever(place: Workplace) -> None:
-    began = time.monotonic()
+def test_what_does_not_come_is_not_waited_for_for_ever(place: Workplace, monkeypatch: pytest.MonkeyPatch) -> None:
+    waits: list[float] = []  # [s], none of which passes
+    monkeypatch.setattr(place.station, "picture", lambda name, after, timeout: waits.append(timeout))
     assert get(place, "/picture/heightmap.jpg")[0] == 204
-    assert 1.0 < time.monotonic() - began < 6.0
+    assert 1.0 < sum(waits) < 6.0 and max(waits) <= 0.5  # a page that left gives its thread back soon
 
 
 @pytest.mark.parametrize("query", ["after=-1", "after=x", "width=99999", "level=9", "took=1e9", "after=" + "9" * 40])
@@ -101,9 +111,10 @@ def test_pages_that_leave_give_their_threads_back(place: Workplace) -> None:
         connection = http.client.HTTPConnection("127.0.0.1", place.port, timeout=5)
         connection.request("GET", "/picture/heightmap.jpg")
         connection.close()
-    time.sleep(1.0)
-    assert threads() < 40
-    assert get(place, "/picture/color.jpg")[0] == 200
+    end = time.monotonic() + 30.0
+    while (status := get(place, "/picture/color.jpg")[0]) == 503:  # all threads wait for those who left
+        assert time.monotonic() < end
+    assert status == 200 and threads() < 40
 
 
 def test_several_pages_cost_one_encoding() -> None:

@@ -9,13 +9,14 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from cliport_perception.pose import PlanarPose
-from demo_tool.fakes import BLOCKS, FakeArm, FakePolicy, FakeTable
+from station_fakes import BLOCKS, FakeArm, FakePolicy, FakeTable
+
+from cliport_core.pose import PlanarPose
 from demo_tool.station import Station
 from demo_tool.station_config import StationConfig
 from demo_tool.web.access import AccessRule
 from demo_tool.web.application import make_application
-from demo_tool.web.server import WebServer, bind
+from demo_tool.web.server import TlsFiles, WebServer, bind
 
 DATA_SET = "blocks"
 
@@ -31,6 +32,7 @@ class Workplace:
     root: Path
     rule: AccessRule
     port: int = 0
+    tls: TlsFiles | None = None
     _server: WebServer | None = None
 
     @property
@@ -44,7 +46,7 @@ class Workplace:
         """Begin, or begin again on the same port."""
         listener = bind("127.0.0.1", self.port)
         self.port = listener.getsockname()[1]
-        self._server = WebServer(make_application(self.station, self.rule), listener, _fail)
+        self._server = WebServer(make_application(self.station, self.rule), listener, _fail, self.tls)
         self._server.start()
 
     def leave(self) -> None:
@@ -56,6 +58,7 @@ class Workplace:
         """Another data set, an empty draft, an arm that obeys at once."""
         self.arm.pace, self.arm.stops = 0.03, 0
         self.arm.goals.clear()
+        self.policy.heard.clear()
         self.table.blocks = list(BLOCKS)
         for command, arguments in (
             ("resume", {}),
@@ -76,14 +79,16 @@ class Workplace:
 
 
 @contextmanager
-def workplace(root: Path, token: str | None = None, host: str = "127.0.0.1", pace: float = 0.0) -> Iterator[Workplace]:
+def workplace(
+    root: Path, token: str | None = None, host: str = "127.0.0.1", pace: float = 0.0, tls: TlsFiles | None = None
+) -> Iterator[Workplace]:
     """A workplace with a camera at 10 Hz, an open data set and an instruction."""
     table = FakeTable()
-    arm = FakeArm(pace, on_success=lambda goal: table.move(goal.pick, goal.place))
+    arm = FakeArm(pace, on_success=lambda goal: table.move(goal.action.pick, goal.action.place))
     policy = FakePolicy(PlanarPose(0.5, 0.12, 0.5), PlanarPose(0.38, 0.02, 1.0))
     station = Station(StationConfig(), arm, policy, root)
     policy.on_status, policy.on_pose = station.on_policy_status, station.on_policy_pose
-    place = Workplace(station, table, arm, policy, root, AccessRule.for_address(host, token))
+    place = Workplace(station, table, arm, policy, root, AccessRule.for_address(host, token), tls=tls)
     ended = threading.Event()
     camera = threading.Thread(target=_film, args=(place, ended), daemon=True)
     camera.start()

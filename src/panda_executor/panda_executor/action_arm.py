@@ -9,9 +9,9 @@ from control_msgs.action import FollowJointTrajectory
 from panda_executor.action_call import ActionCaller
 from panda_executor.conversions import motion_message, trajectory_to_msg
 from panda_executor.joint_tracker import JointTracker
-from panda_executor.limits import FloatArray
 from panda_executor.ports import MotionResult, MotionStatus, ShouldStop
 from panda_executor.trajectory import JointTrajectory
+from panda_model.limits import FloatArray
 
 
 class ActionArm:
@@ -27,11 +27,11 @@ class ActionArm:
         self._caller, self._joints, self._names, self._now_ns = caller, joints, joint_names, now_ns
 
     def joint_positions(self) -> FloatArray:
-        """(7,) [rad]. Raises PortError when they are missing or old."""
+        """Return the measured positions (7,) [rad]. Raises PortError when they are missing or old."""
         return self._joints.arm_positions(self._now_ns())
 
     def execute(self, trajectory: JointTrajectory, should_stop: ShouldStop) -> MotionResult:
-        """Follow to the end, or cancel (the controller then holds) when asked to stop or late."""
+        """Follow a trajectory to its end, or cancel it (the controller then holds) when asked to stop or late."""
         goal = FollowJointTrajectory.Goal(trajectory=trajectory_to_msg(trajectory, self._names))
         end = self._caller.call(goal, 1.2 * trajectory.duration + 0.5, should_stop)
         if end.result is None or end.message:

@@ -24,7 +24,7 @@ _CHECK_SERVER = 0.25  # between two looks for the server, wall clock [s]
 
 @dataclass(frozen=True)
 class ActionEnd:
-    """How a goal ended; `result` is the action's result message when there is one."""
+    """The end of a goal; `result` is the action's result message when there is one."""
 
     status: MotionStatus
     result: Any = None
@@ -43,11 +43,11 @@ class ActionCaller:
         self._now: Callable[[], float] = lambda: node.get_clock().now().nanoseconds * 1e-9
 
     def is_ready(self) -> bool:
-        """Whether the server is there."""
+        """Return True if the server is there."""
         return bool(self._client.server_is_ready())
 
     def call(self, goal: Any, timeout: float, should_stop: ShouldStop) -> ActionEnd:
-        """Send, wait, return. When should_stop turns true or time runs out, the goal is cancelled first.
+        """Send a goal and wait for its end. When should_stop turns true or time runs out, the goal is cancelled first.
 
         Args:
             timeout: of the motion, in ROS time [s]. A clock that stands still ends the wait, too.
@@ -71,7 +71,7 @@ class ActionCaller:
         return self._cancelled(handle, future, cause)
 
     def _watch(self, future: Future, timeout: float, should_stop: ShouldStop) -> ActionEnd | None:
-        """Until the result is there (None), or for what reason the goal is to be cancelled."""
+        """Wait for the result: None once it is there, otherwise the reason to cancel the goal."""
         done = threading.Event()
         future.add_done_callback(lambda _: done.set())
         deadline = self._now() + timeout

@@ -35,11 +35,11 @@ class ActionGripper:
         self._halt = False
 
     def width(self) -> float:
-        """Full distance between the fingers [m]. Raises PortError when the joint states are missing, old."""
+        """Return the full distance between the fingers [m]. Raises PortError while the joint states are old."""
         return self._joints.width(self._now_ns())
 
     def move(self, width: float, max_effort: float, should_stop: ShouldStop) -> GripperResult:
-        """Go to a full width [m]; being stopped by an object counts as done."""
+        """Move to a full width [m]; being stopped by an object counts as done."""
         self._halt = False
         goal = gripper_goal_to_msg(width, max_effort)
         end = self._caller.call(goal, 1.2 * _MOVE_TIME + 0.5, lambda: self._halt or should_stop())
@@ -58,7 +58,7 @@ class ActionGripper:
         self._halt = True
 
     def _wait_for_states(self, width: float, should_stop: ShouldStop) -> None:
-        """Joint states come a moment later than the result: judging a grasp by them needs the newer ones."""
+        """Wait until the joint states show `width` [m]: they come a moment later, and grasps are judged by them."""
         deadline = time.monotonic() + _SETTLE
         while time.monotonic() < deadline and not should_stop():
             try:

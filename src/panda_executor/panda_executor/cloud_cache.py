@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import threading
 
-from cliport_perception.errors import ImageError
-from cliport_perception.raw_header import header_of_raw
+from cliport_core import topics
+from cliport_core.errors import ImageError
+from cliport_core.raw_header import header_of_raw
 from panda_executor.errors import RequestError
 
 
 def stamp_of_raw(raw: bytes) -> int:
-    """Nanoseconds of a serialized message that begins with a std_msgs/Header; 0 when it is too short."""
+    """Return the stamp [ns] of a serialized message that begins with a std_msgs/Header; 0 when it is too short."""
     try:
         return header_of_raw(raw)[0]
     except ImageError:
@@ -38,12 +39,12 @@ class CloudCache:
             self._raw, self._stamp_ns = raw, stamp_of_raw(raw)
 
     def age(self, now_ns: int) -> float:
-        """Of the newest cloud [s], infinite when there is none."""
+        """Return the age of the newest cloud [s], infinite when there is none."""
         with self._lock:
             return float("inf") if self._raw is None else (now_ns - self._stamp_ns) * 1e-9
 
     def get(self, now_ns: int, goal_stamp_ns: int, still_since_ns: int) -> bytes:
-        """The newest cloud, serialized, if it shows the table as it is now.
+        """Return the newest cloud, serialized, if it shows the table as it is now.
 
         Args:
             goal_stamp_ns: of the observation that the goal comes from, 0 when unknown.
@@ -55,7 +56,7 @@ class CloudCache:
         with self._lock:
             raw, stamp_ns = self._raw, self._stamp_ns
         if raw is None:
-            raise RequestError("no point cloud has arrived on /cliport/points; is perception running?")
+            raise RequestError(f"no point cloud has arrived on {topics.POINTS}; is perception running?")
         age = (now_ns - stamp_ns) * 1e-9
         if age > self._max_age:
             raise RequestError(

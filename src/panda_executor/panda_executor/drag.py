@@ -9,25 +9,25 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from cliport_perception.pose import PlanarPose, Pose
-from cliport_perception.primitive import Primitive
-from cliport_perception.workspace import WorkspaceSpec
+from cliport_core.action import PickPlaceAction, Primitive
+from cliport_core.pose import PlanarPose, Pose
+from cliport_core.workspace import WorkspaceSpec
 from panda_executor.errors import ExecutorError, InverseKinematicsError, PlanningError
-from panda_executor.hand_geometry import FINGERTIP_BELOW_TCP, HandShape
+from panda_executor.hand_geometry import HandShape
 from panda_executor.ik import hand_down_pose, tilted
-from panda_executor.limits import FloatArray
 from panda_executor.motions import Motion
+from panda_executor.phase import Phase
 from panda_executor.ports import ShouldStop
-from panda_executor.request import Phase, PickPlaceRequest
 from panda_executor.transfer import TransferPlanner, relevant_points
+from panda_model.limits import FloatArray
 
 _MAX_BRANCHES = 4  # of the inverse kinematics that are tried for one pose
-_SAME_PLACE = 1e-6  # a shorter way has no direction [m]
+_MIN_SWEEP = 1e-6  # a shorter way has no direction [m]
 
 
 @dataclass(frozen=True, eq=False)
 class DragPlan:
-    """Above the pick, down, a fold's small lift, along the table, up, and away to the ready pose.
+    """Motions of a drag: above the pick, down, a fold's small lift, along the table, up, and to the ready pose.
 
     escape: from the pick straight up again, when the fingers closed on nothing. lift: None where there is none.
     """
@@ -42,33 +42,33 @@ class DragPlan:
     opening: float  # of the fingers on the way down, and after a fold [m]
 
 
-def broadside(request: PickPlaceRequest) -> PickPlaceRequest:
-    """The request as it is carried out: a sweep's jaws stand in a line across its way, whatever yaw it names."""
-    pick, place = request.pick, request.place
+def broadside(action: PickPlaceAction) -> PickPlaceAction:
+    """Return the action as it is carried out: a sweep's jaws stand in a line across its way, whatever yaw it names."""
+    pick, place = action.pick, action.place
     dx, dy = place.x - pick.x, place.y - pick.y
-    if request.primitive is not Primitive.SWEEP or not math.hypot(dx, dy) > _SAME_PLACE:
-        return request
+    if action.primitive is not Primitive.SWEEP or not math.hypot(dx, dy) > _MIN_SWEEP:
+        return action
     yaw = math.atan2(dy, dx) + math.pi / 2.0
-    return replace(request, pick=replace(pick, yaw=yaw), place=replace(place, yaw=yaw))
+    return replace(action, pick=replace(pick, yaw=yaw), place=replace(place, yaw=yaw))
 
 
 def plan_drag(
     planner: TransferPlanner,
-    request: PickPlaceRequest,
+    action: PickPlaceAction,
     cloud: npt.NDArray[np.float32],
     workspace: WorkspaceSpec,
     start: FloatArray,
     should_stop: ShouldStop = lambda: False,
 ) -> DragPlan:
-    """A sweep (fingers closed throughout) or a fold (they close at the pick and open at the place).
+    """Plan a sweep (fingers closed throughout) or a fold (they close at the pick and open at the place).
 
     The tcp moves in a straight line at one height, turning from the pick's yaw to the place's.
 
     Raises:
         PlanningError: when something tall stands in the way, or the arm cannot follow the line.
     """
-    request = broadside(request)
-    drag = _Drag(planner, request, relevant_points(cloud, workspace), workspace, start)
+    action = broadside(action)
+    drag = _Drag(planner, action, relevant_points(cloud, workspace), workspace, start)
     reason = "no approach to the start of the line is free"
     deadline = planner.clock() + planner.config.planning_time
     for lean, flip in itertools.product(planner.config.lean, (0.0, math.pi)):
@@ -84,44 +84,47 @@ def plan_drag(
                 return drag.plan(branch.positions, flip)
             except ExecutorError as error:
                 reason = str(error)
-    raise PlanningError(f"{request.primitive.name.lower()} from the pick to the place: {reason}")
+    raise PlanningError(f"{action.primitive.label} from the pick to the place: {reason}")
 
 
 class _Drag:
-    """One request's scenes and heights."""
+    """The scenes and heights of one action."""
 
     def __init__(
         self,
         planner: TransferPlanner,
-        request: PickPlaceRequest,
+        action: PickPlaceAction,
         cloud: npt.NDArray[np.float32],
         workspace: WorkspaceSpec,
         start: FloatArray,
     ) -> None:
         config = planner.config
-        self._planner, self._request, self._start, self._config = planner, request, start, config
-        fold = request.primitive is Primitive.FOLD
-        self._opening = config.drag.fold_opening if fold else 0.0
+        self._planner, self._action, self._start, self._config = planner, action, start, config
+        fold = action.primitive is Primitive.FOLD
+        self._opening = config.hand.fold_opening if fold else 0.0
         self._lift = config.drag.fold_lift if fold else 0.0
-        self._z = config.scene.table_z + FINGERTIP_BELOW_TCP + config.drag.tip_clearance
-        self._turn = math.remainder(request.place.yaw - request.pick.yaw, math.tau)
+        self._z = config.scene.table_z + config.hand.fingertip_below_tcp + config.drag.tip_clearance
+        self._turn = math.remainder(action.place.yaw - action.pick.yaw, math.tau)
         swept = planner.grid(cloud[~self._in_corridor(cloud)], workspace, start)
         grid = planner.grid(cloud, workspace, start)
-        self._travelling = planner.scene(grid, HandShape(margin=config.clearance))
-        self._working = planner.scene(swept, HandShape(self._opening))
-        self._leaving = planner.scene(swept, HandShape())
+        self._travelling = planner.scene(grid, HandShape(config.hand, margin=config.clearance))
+        self._working = planner.scene(swept, HandShape(config.hand, self._opening))
+        self._leaving = planner.scene(swept, HandShape(config.hand))
 
     def above_pick(self, flip: float, lean: float) -> Pose:
-        """Where the hand starts down; flip: 0 or pi, the jaws are the same turned around; lean: see config [rad]."""
-        return self._above(self._request.pick, self._request.pick.yaw + flip, lean)
+        """Return the pose from which the hand goes down.
+
+        flip: 0 or pi, the jaws are the same turned around; lean: see config [rad].
+        """
+        return self._above(self._action.pick, self._action.pick.yaw + flip, lean)
 
     def plan(self, above: FloatArray, flip: float) -> DragPlan:
-        """Every motion when the arm comes from configuration `above` (7,) [rad].
+        """Plan every motion of an arm that comes from configuration `above` (7,) [rad].
 
         Raises:
             ExecutorError: names the motion that fails.
         """
-        pick, place = self._request.pick, self._request.place
+        pick, place = self._action.pick, self._action.place
         first, last = pick.yaw + flip, pick.yaw + flip + self._turn
         low = self._z + self._lift
         descend = self._straight(Phase.DESCEND, above, hand_down_pose(pick.x, pick.y, self._z, first), "go down")
@@ -141,9 +144,9 @@ class _Drag:
         return tilted(hand_down_pose(at.x, at.y, self._z + self._config.approach_height, yaw), lean)
 
     def _rise(self, start: FloatArray, yaw: float) -> Motion:
-        """From the end of the line, leaning where the arm cannot fold enough to rise upright."""
+        """Plan the rise from the line's end, leaning where the arm cannot fold enough to rise upright."""
         for lean in self._config.lean:
-            above = self._above(self._request.place, yaw, lean)
+            above = self._above(self._action.place, yaw, lean)
             motion = self._planner.motions.straight(Phase.RETREAT, start, above, self._working)
             if motion is not None:
                 return motion
@@ -157,10 +160,10 @@ class _Drag:
         return motion
 
     def _in_corridor(self, points: npt.NDArray[np.float32]) -> npt.NDArray[np.bool_]:
-        """Which points (N, 3) are low and near the line from pick to place: to be moved, not avoided."""
+        """Return a mask of the points (N, 3) that are low and near the line: to be moved, not avoided."""
         config = self._config
-        a = np.array([self._request.pick.x, self._request.pick.y])
-        line = np.array([self._request.place.x, self._request.place.y]) - a
+        a = np.array([self._action.pick.x, self._action.pick.y])
+        line = np.array([self._action.place.x, self._action.place.y]) - a
         share = np.clip((points[:, :2] - a) @ line / max(float(line @ line), 1e-9), 0.0, 1.0)
         distance = np.linalg.norm(points[:, :2] - (a + share[:, None] * line), axis=1)
         near: npt.NDArray[np.bool_] = distance < config.drag.corridor

@@ -1,12 +1,14 @@
-"""Who may start a request, and what makes a running one stop."""
+"""The gate for requests: one at a time, and a stop that holds until it is released."""
 
 from __future__ import annotations
 
 import threading
 
+from cliport_core import topics
+
 
 class Gate:
-    """One request at a time; a latching stop; an end. Safe between threads."""
+    """Admits one request at a time; has a latching stop and a final end. Safe between threads."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -15,7 +17,7 @@ class Gate:
         self._closed = False
 
     def refusal(self) -> str | None:
-        """Why no request can start now, in one line, or None."""
+        """Return why no request can start now, in one line, or None."""
         with self._lock:
             return self._refusal()
 
@@ -23,20 +25,20 @@ class Gate:
         if self._closed:
             return "the executor is shutting down"
         if self._latched:
-            return f"{self._latched}; call /panda_executor/resume first"
+            return f"{self._latched}; call {topics.EXECUTOR_RESUME} first"
         if self._busy:
             return "another goal is being executed"
         return None
 
     def enter(self) -> str | None:
-        """Begin a request: None when it may run, otherwise why not."""
+        """Begin a request; return None when it may run, otherwise why not."""
         with self._lock:
             refusal = self._refusal()
             self._busy = self._busy or refusal is None
             return refusal
 
     def leave(self) -> None:
-        """The request is over."""
+        """Note that the request is over."""
         with self._lock:
             self._busy = False
 
@@ -57,12 +59,12 @@ class Gate:
 
     @property
     def busy(self) -> bool:
-        """Whether a request runs."""
+        """True while a request runs."""
         with self._lock:
             return self._busy
 
     @property
     def stopped(self) -> bool:
-        """Whether a running request has to end."""
+        """True if a running request has to end."""
         with self._lock:
             return self._closed or bool(self._latched)

@@ -1,23 +1,29 @@
-"""One PickPlace goal: its data are checked, the runner runs, feedback and result go back."""
+"""The handling of PickPlace goals: their data are checked, the runner runs, feedback and result go back."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from typing import Any
+from typing import Any, TypeVar
 
+import numpy as np
+import numpy.typing as npt
 from rclpy.action.server import ServerGoalHandle
 
+from cliport_core.errors import GoalError
+from cliport_core.messages import goal_from_msg, result_to_msg
+from cliport_core.outcome import ActionResult, Outcome
 from cliport_interfaces.action import PickPlace
-from cliport_perception.primitive import Outcome
 from panda_executor import conversions
+from panda_executor.camera_place import CameraPlace
 from panda_executor.cloud_cache import CloudCache
 from panda_executor.errors import RequestError
 from panda_executor.gate import Gate
 from panda_executor.node_parameters import NodeParameters
-from panda_executor.request import Phase, PickPlaceResult
-from panda_executor.request_check import check_request
+from panda_executor.phase import Phase
 from panda_executor.runner import PickPlaceRunner
+
+Got = TypeVar("Got")
 
 
 class GoalSession:
@@ -27,16 +33,17 @@ class GoalSession:
         self,
         runner: PickPlaceRunner,
         clouds: CloudCache,
+        camera: CameraPlace,
         parameters: NodeParameters,
         gate: Gate,
         now_ns: Callable[[], int],
     ) -> None:
-        self._runner, self._clouds, self._parameters = runner, clouds, parameters
+        self._runner, self._clouds, self._camera, self._parameters = runner, clouds, camera, parameters
         self._gate, self._now_ns = gate, now_ns
         self._still_since_ns = 0
 
     def run(self, handle: ServerGoalHandle, logger: Any) -> PickPlace.Result:
-        """From an accepted goal to its result message; the handle is brought to its final state."""
+        """Run an accepted goal; return its result message once the handle is in its final state."""
         began = time.monotonic()
 
         def should_stop() -> bool:
@@ -45,48 +52,59 @@ class GoalSession:
         try:
             result = self._result(handle, should_stop)
         except RequestError as error:
-            result = PickPlaceResult(Outcome.REJECTED, str(error), None, 0.0)
+            result = ActionResult(Outcome.REJECTED, str(error))
         except Exception as error:  # the goal must end whatever happens, with a line that names the fault
             logger.error(f"unexpected {type(error).__name__}: {error}")
-            result = PickPlaceResult(
-                Outcome.EXECUTION_FAILED, f"internal error: {type(error).__name__}: {error}", None, 0.0
-            )
+            result = ActionResult(Outcome.EXECUTION_FAILED, f"internal error: {type(error).__name__}: {error}")
         took = time.monotonic() - began
         logger.info(f"{result.outcome.name} after {took:.1f} s: {result.message}")
-        if result.outcome in (Outcome.SUCCEEDED, Outcome.PLANNED):
+        if result.outcome.is_success:
             handle.succeed()
         elif result.outcome is Outcome.CANCELLED and handle.is_cancel_requested:
             handle.canceled()
         else:
             handle.abort()
-        return conversions.result_to_msg(result)
+        return result_to_msg(result)
 
-    def _result(self, handle: ServerGoalHandle, should_stop: Callable[[], bool]) -> PickPlaceResult:
-        goal = handle.request
+    def _result(self, handle: ServerGoalHandle, should_stop: Callable[[], bool]) -> ActionResult:
+        message: PickPlace.Goal = handle.request
         frame = self._parameters.robot.base_frame
 
         def on_phase(phase: Phase, progress: float) -> None:
             handle.publish_feedback(conversions.feedback_to_msg(phase, progress))
 
-        on_phase(Phase.VALIDATING, 0.0)
-        request = conversions.request_from_msg(goal, frame)
-        check_request(request, self._parameters.workspace)  # what no cloud can mend is said without waiting
-        cloud = conversions.cloud_from_raw(self._fresh_cloud(goal, should_stop), frame)
         try:
-            return self._runner.run(request, cloud, self._parameters.workspace, on_phase, should_stop)
+            goal = goal_from_msg(message, frame)
+        except GoalError as error:
+            raise RequestError(str(error)) from None
+
+        def cloud() -> npt.NDArray[np.float32]:
+            raw = self._fresh_cloud(goal.stamp_ns, should_stop)
+            # A cloud has come, so perception knows where the camera is: what says it is on its way to here, too.
+            self._runner.planner.place_camera(self._patiently(self._camera.position, should_stop))
+            return conversions.cloud_from_raw(raw, frame)
+
+        try:
+            return self._runner.run(goal, cloud, self._parameters.workspace, on_phase, should_stop)
         finally:
             self._still_since_ns = self._now_ns()
 
-    def _fresh_cloud(self, goal: PickPlace.Goal, should_stop: Callable[[], bool]) -> bytes:
-        """The newest cloud; when it will not do, the next ones are waited for a moment.
+    def _fresh_cloud(self, stamp_ns: int, should_stop: Callable[[], bool]) -> bytes:
+        """Return the newest cloud; when it will not do, wait a moment for the next ones.
+
+        stamp_ns: of the observation that the goal comes from, 0 where it does not say.
 
         Raises:
             RequestError: why none would do.
         """
+        return self._patiently(lambda: self._clouds.get(self._now_ns(), stamp_ns, self._still_since_ns), should_stop)
+
+    def _patiently(self, get: Callable[[], Got], should_stop: Callable[[], bool]) -> Got:
+        """Return what `get` returns once it raises no RequestError any more; raise that after `cloud_wait`."""
         deadline = time.monotonic() + self._parameters.cloud_wait
         while True:
             try:
-                return self._clouds.get(self._now_ns(), conversions.goal_stamp(goal), self._still_since_ns)
+                return get()
             except RequestError:
                 if time.monotonic() > deadline or should_stop():
                     raise

@@ -1,4 +1,4 @@
-"""Where to close the fingers: the centroid of the cloud around the pick (paper, appendix D)."""
+"""Grasps: the fingers close at the centroid of the cloud around the pick (paper, appendix D)."""
 
 from __future__ import annotations
 
@@ -9,39 +9,43 @@ import numpy as np
 import numpy.typing as npt
 from scipy import ndimage
 
-from cliport_perception.pose import PlanarPose
-from cliport_perception.workspace import WorkspaceSpec
+from cliport_core.pose import PlanarPose
+from cliport_core.workspace import WorkspaceSpec
 from panda_executor.errors import GraspError
 from panda_executor.ground_cells import BoolArray, GroundCells, points_near
-from panda_executor.hand_geometry import FINGERTIP_BELOW_TCP, HeldObject
+from panda_executor.hand_geometry import HeldObject
 from panda_executor.jaws import Hold, JawConfig, Jaws
-from panda_executor.limits import FloatArray
 from panda_executor.seen_object import SeenObject, find_object
+from panda_model import FloatArray, HandModel
 
-_STANDING = 0.005  # tolerance under a standing object [m]
+_SUPPORT_TOLERANCE = 0.005  # tolerance under a standing object [m]
 
 
 @dataclass(frozen=True)
 class GraspConfig(JawConfig):
-    """Lengths in m; see also JawConfig.
+    """Settings of grasp planning, lengths in m; see also JawConfig.
 
     pixels: edge of the square around the pick that is looked at, wide enough for the largest object and the
-    opened fingers beside it; finger_height: how far below its top an object is looked at; min_height: what
-    rises less above the table is flat; seed_reach: how far the object may be from the pick; feature_reach: how
-    far a narrow feature; preference: the object as a whole is taken although a feature is so much nearer to
-    the pick; narrow: a feature less wide than this share of the whole is what is meant; longest: what is longer
-    across the jaws is held where the pick is; farthest: a grasp is so far from the pick at most.
+    opened fingers beside it; min_height: what rises less above the table is flat; seed_reach: how far the object
+    may be from the pick; feature_reach: how far a narrow feature; whole_preference: the object as a whole is
+    taken although a feature is so much nearer to the pick; feature_share: a feature less wide than this share of the
+    whole is what is meant; max_length: what is longer across the jaws is held where the pick is; max_offset: a grasp
+    is so far from the pick at most.
     """
 
     pixels: int = 96
-    finger_height: float = 0.0185
     min_height: float = 0.008
     seed_reach: float = 0.02
     feature_reach: float = 0.01
-    preference: float = 0.006
-    narrow: float = 0.5
-    longest: float = 0.12
-    farthest: float = 0.04
+    whole_preference: float = 0.006
+    feature_share: float = 0.5
+    max_length: float = 0.12
+    max_offset: float = 0.04
+
+    @property
+    def finger_height(self) -> float:
+        """Depth below its top to which an object is looked at [m]: the pads' length (paper, appendix D)."""
+        return self.hand.pad_length
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +57,7 @@ class Grasp:
     tcp_z: height of the tcp; yaw: of the jaws; opening: of the fingers on the way down; width: between the
     closed fingers; length: of the whole object across them; support_z: what the object stands on; top_z: its
     highest part; footprint: (N, 2) all its cells, inner: (M, 2) those without its blurred edge, relative to
-    the centroid; spare: how much higher the tcp could be and still hold it.
+    the centroid; spare: how much higher the tcp could be and still hold it; hand: that holds it.
     """
 
     centroid: FloatArray
@@ -68,24 +72,25 @@ class Grasp:
     inner: FloatArray
     cell: float
     spare: float
+    hand: HandModel
 
     def held(self, flip: float = 0.0) -> HeldObject:
-        """The object between fingers at `yaw + flip` [rad]."""
+        """Return the object between fingers at `yaw + flip` [rad]."""
         c, s = math.cos(self.yaw + flip), math.sin(self.yaw + flip)
         return HeldObject(
             self.inner @ np.array([[-s, c], [c, s]]),
             # It starts out touching what it stands on: that must not count as a collision.
-            below=max(self.tcp_z - self.support_z - _STANDING, FINGERTIP_BELOW_TCP),
+            below=max(self.tcp_z - self.support_z - _SUPPORT_TOLERANCE, self.hand.fingertip_below_tcp),
             above=max(self.top_z - self.tcp_z, 0.0),
         )
 
     def raised(self, by: float) -> Grasp:
-        """The same grasp nearer to the object's top, by at most `by` [m]."""
+        """Return the same grasp nearer to the object's top, by at most `by` [m]."""
         rise = min(by, self.spare)
         return replace(self, tcp_z=self.tcp_z + rise, spare=self.spare - rise)
 
     def covers(self, points: npt.NDArray[np.float32], margin: float) -> BoolArray:
-        """Which points (N, 3) belong to the object: within `margin` [m] of its cells, seen from above."""
+        """Return a mask of the points (N, 3) of the object: within `margin` [m] of its cells, seen from above."""
         # A mask around the footprint's cells makes the look-up independent of their number.
         reach = float(np.abs(self.footprint).max()) + margin + self.cell
         n = math.ceil(2.0 * reach / self.cell) + 1
@@ -112,7 +117,7 @@ def plan_grasps(
     table_z: float = 0.0,
     config: GraspConfig | None = None,
 ) -> list[Grasp]:
-    """Grasps for the object at the pick, best first: those at the pick's yaw, then those across.
+    """Plan grasps of the object at the pick, best first: those at the pick's yaw, then those across.
 
     At each yaw there may be two: of the object as a whole, at its centroid, and of the narrow feature at the
     pick (a rim, a handle, a bead). The whole comes first unless the pick means the feature: it is on it, and
@@ -122,16 +127,14 @@ def plan_grasps(
     holds, so that the side which faces a tilted camera does not pull the centroid.
 
     Raises:
-        GraspError: when nothing is seen, nothing stands there, it is too wide, or the fingers find no room.
+        GraspError: when nothing is seen, nothing stands there, it is too wide, or the fingers have no clearance.
     """
     config = config or GraspConfig()
-    where = f"the pick ({pick.x:.3f}, {pick.y:.3f}) m"
     near = cloud[points_near(cloud, pick.x, pick.y, config.pixels / 2.0 * workspace.pixel_size)]
     cells = GroundCells.around(near, workspace, pick.x, pick.y, config.pixels, (table_z - 0.03, workspace.z_max))
     distance = np.hypot(cells.x - pick.x, cells.y - pick.y)
-    if not (cells.seen & (distance < config.farthest)).any():
-        raise GraspError(f"no depth was seen around {where}; is the view blocked?")
-    grasps: list[Grasp] = []
+    if not (cells.seen & (distance < config.max_offset)).any():
+        raise GraspError(f"no depth was seen around {_named(pick)}; is the view blocked?")
     problems: list[str] = []
     # What steps divide may still be one: where a part of it gives no grasp, all that is connected may.
     for divided in (True, False):
@@ -139,18 +142,35 @@ def plan_grasps(
         lowest = max(seen.top - config.finger_height, table_z + config.min_height / 2.0)
         graspable = GroundCells.around(near, workspace, pick.x, pick.y, config.pixels, (lowest, seen.top + 0.01))
         height = float(graspable.mean[seen.upper & graspable.seen].mean())
-        for yaw in (pick.yaw, pick.yaw + math.pi / 2.0):
-            jaws = Jaws(cells, pick.x, pick.y, yaw, seen.support_z, table_z, config)
-            holds, problem = _holds(jaws, seen, height, config, where)
-            grasps += [_grasp(cells, seen, hold, pick, yaw, height) for hold in holds]
-            problems.append(problem)
+        grasps, problem = _grasps_of(cells, seen, pick, height, table_z, config)
         if grasps:
             return grasps
+        problems.append(problem)
     raise GraspError(problems[0])
 
 
+def _grasps_of(
+    cells: GroundCells, seen: SeenObject, pick: PlanarPose, height: float, table_z: float, config: GraspConfig
+) -> tuple[list[Grasp], str]:
+    """Return the grasps of an object, those at the pick's yaw first, and why the first yaw gives none."""
+    where = _named(pick)
+    grasps: list[Grasp] = []
+    problems: list[str] = []
+    for yaw in (pick.yaw, pick.yaw + math.pi / 2.0):
+        jaws = Jaws(cells, pick.x, pick.y, yaw, seen.support_z, table_z, config)
+        holds, problem = _holds(jaws, seen, height, config, where)
+        problems.append(problem)
+        for hold in holds:
+            grasps.append(_grasp(cells, seen, hold, pick, yaw, height, config.hand))
+    return grasps, problems[0]
+
+
+def _named(pick: PlanarPose) -> str:
+    return f"the pick ({pick.x:.3f}, {pick.y:.3f}) m"
+
+
 def _holds(jaws: Jaws, seen: SeenObject, height: float, config: GraspConfig, where: str) -> tuple[list[Hold], str]:
-    """The whole object and the feature at the pick, the better first; and why there is none."""
+    """Return holds of the whole object and of the feature at the pick, the better first, and why there is none."""
     whole = feature = None
     problem = ""
     try:
@@ -163,25 +183,27 @@ def _holds(jaws: Jaws, seen: SeenObject, height: float, config: GraspConfig, whe
         problem = problem or str(error)
     holds = [whole, feature]
     if whole is not None and feature is not None:
-        off = abs(whole.across) > config.seed_reach or float(np.ptp(jaws.across[seen.whole])) > config.longest
+        off = abs(whole.across) > config.seed_reach or float(np.ptp(jaws.across[seen.whole])) > config.max_length
         if not off and _is_same(whole, feature):
             holds = [whole]
         elif (
             off
-            or feature.width < config.narrow * whole.width
-            or abs(whole.middle) > abs(feature.middle) + config.preference
+            or feature.width < config.feature_share * whole.width
+            or abs(whole.middle) > abs(feature.middle) + config.whole_preference
         ):
             holds = [feature, whole]
-    near = [hold for hold in holds if hold is not None and math.hypot(hold.middle, hold.across) <= config.farthest]
-    return near, problem or f"the middle of the object is more than {config.farthest * 1000:.0f} mm from {where}"
+    near = [hold for hold in holds if hold is not None and math.hypot(hold.middle, hold.across) <= config.max_offset]
+    return near, problem or f"the middle of the object is more than {config.max_offset * 1000:.0f} mm from {where}"
 
 
 def _is_same(whole: Hold, feature: Hold) -> bool:
-    """Whether the fingers touch the same sides: then the pick is merely off the middle."""
+    """Return True if the fingers touch the same sides: then the pick is merely off the middle."""
     return abs(whole.middle - feature.middle) < 0.005 and abs(whole.width - feature.width) < 0.01
 
 
-def _grasp(cells: GroundCells, seen: SeenObject, hold: Hold, pick: PlanarPose, yaw: float, height: float) -> Grasp:
+def _grasp(
+    cells: GroundCells, seen: SeenObject, hold: Hold, pick: PlanarPose, yaw: float, height: float, hand: HandModel
+) -> Grasp:
     c, s = math.cos(yaw), math.sin(yaw)
     x = pick.x + hold.middle * c - hold.across * s
     y = pick.y + hold.middle * s + hold.across * c
@@ -193,7 +215,7 @@ def _grasp(cells: GroundCells, seen: SeenObject, hold: Hold, pick: PlanarPose, y
     across = np.abs(footprint @ np.array([-s, c]))
     return Grasp(
         centroid=np.array([x, y, height]),
-        tcp_z=hold.tips + FINGERTIP_BELOW_TCP,
+        tcp_z=hold.tips + hand.fingertip_below_tcp,
         yaw=yaw,
         opening=hold.opening,
         width=hold.width,
@@ -204,4 +226,5 @@ def _grasp(cells: GroundCells, seen: SeenObject, hold: Hold, pick: PlanarPose, y
         inner=inner,
         cell=cells.cell,
         spare=hold.spare,
+        hand=hand,
     )

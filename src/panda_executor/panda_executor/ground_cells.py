@@ -8,8 +8,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy import ndimage
 
-from cliport_perception.workspace import WorkspaceSpec
-from panda_executor.limits import FloatArray
+from cliport_core.workspace import WorkspaceSpec
+from panda_model.limits import FloatArray
 
 BoolArray = npt.NDArray[np.bool_]
 IntArray = npt.NDArray[np.int32]
@@ -20,7 +20,7 @@ _SQUARE = np.ones((3, 3), dtype=bool)
 
 
 def points_near(cloud: npt.NDArray[np.float32], x: float, y: float, half: float) -> BoolArray:
-    """Which points (N, 3) lie in the square of half edge `half` [m] around (x, y); NaN does not."""
+    """Return a mask of the points (N, 3) in the square of half edge `half` [m] around (x, y); NaN does not."""
     near: BoolArray = (np.abs(cloud[:, 0] - x) < half) & (np.abs(cloud[:, 1] - y) < half)
     return near
 
@@ -50,7 +50,7 @@ class GroundCells:
         pixels: int,
         z_range: tuple[float, float],
     ) -> GroundCells:
-        """The square of `pixels` x `pixels` cells centred at (x, y) [m], with points in z_range [m] only."""
+        """Make the square of `pixels` x `pixels` cells centred at (x, y) [m], with points in z_range [m] only."""
         cell = workspace.pixel_size
         half = pixels * cell / 2.0
         near = points_near(cloud, x, y, half)
@@ -78,14 +78,14 @@ class GroundCells:
         )
 
     def central(self, pixels: int) -> BoolArray:
-        """The cells of the central square of `pixels` x `pixels`."""
+        """Return a mask of the central square of `pixels` x `pixels`."""
         mask = np.zeros(self.seen.shape, dtype=bool)
         border = (self.seen.shape[0] - pixels) // 2
         mask[border : border + pixels, border : border + pixels] = True
         return mask
 
     def parts(self, mask: BoolArray) -> IntArray:
-        """Labels 1.. of the connected parts of `mask`, 0 elsewhere.
+        """Return labels 1.. of the connected parts of `mask`, 0 elsewhere.
 
         Cells of about the same height count as connected across one or two that were not seen: the cloud is not
         denser than the grid where the camera looks at a slant, and loses edges. A cell that was seen and is not
@@ -96,7 +96,7 @@ class GroundCells:
         return found
 
     def _bridges(self, mask: BoolArray) -> BoolArray:
-        """Cells between two cells of the mask that are alike in height."""
+        """Return the cells between two cells of the mask that are alike in height."""
         top = np.pad(np.where(mask, self.top, np.nan), 2, constant_values=np.nan)
         n, m = mask.shape
         bridges = np.zeros_like(mask)
@@ -108,7 +108,7 @@ class GroundCells:
         return bridges
 
     def component(self, mask: BoolArray, x: float, y: float, reach: float) -> BoolArray | None:
-        """The part of `mask` with its cell nearest to (x, y) [m], or None beyond `reach` [m]."""
+        """Return the part of `mask` with its cell nearest to (x, y) [m], or None beyond `reach` [m]."""
         if not mask.any():
             return None
         distance = np.where(mask, np.hypot(self.x - x, self.y - y), np.inf)

@@ -9,20 +9,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from panda_executor.limits import FloatArray
+from panda_model import FloatArray, HandModel
 
-MAX_OPENING = 0.08  # between the fingers [m]
-FINGERTIP_BELOW_TCP = 0.0095  # the rubber tips reach this far past the tcp [m]
-PALM_ABOVE_TCP = 0.0375  # the hand's underside, seen from the tcp [m]
-FINGER_HALF_WIDTH = 0.0105  # along tcp x [m]
-FINGER_THICKNESS = 0.0152  # along tcp y [m]
-MOUNT_THICKNESS = 0.026  # of a finger's upper end, along tcp y [m]
-MOUNT_ABOVE_TCP = PALM_ABOVE_TCP - 0.014  # its underside [m]
-HAND_HALF_LENGTH = 0.103  # of the hand above the fingers, along tcp y [m]
-HAND_HALF_WIDTH = 0.032  # along tcp x [m]
-
-_HAND_LENGTH = 0.1034  # origin of the hand to the tcp [m]
-_FLANGE_TOP = 0.13  # the hand and link 7 above the tcp, as far as objects on the table may reach [m]
 # Distances of the sampled points. With the hand nearly upright a box enters a column underside first, so that
 # is sampled finer than the cells of the obstacle grid, 5 mm; the sides matter when the hand leans.
 _UNDERSIDE_SPACING = 0.0045
@@ -31,20 +19,20 @@ _SIDE_SPACING = 0.016
 
 @dataclass(frozen=True)
 class Box:
-    """Axis-aligned in the tcp frame: lower and upper corner [m]."""
+    """A box along the axes of the tcp frame: lower and upper corner [m]."""
 
     lower: tuple[float, float, float]
     upper: tuple[float, float, float]
 
     def grown(self, margin: float) -> Box:
-        """The same box, larger by `margin` [m] on each side."""
+        """Return the same box, larger by `margin` [m] on each side."""
         return Box(
             (self.lower[0] - margin, self.lower[1] - margin, self.lower[2] - margin),
             (self.upper[0] + margin, self.upper[1] + margin, self.upper[2] + margin),
         )
 
     def surface(self) -> FloatArray:
-        """Points on the face that looks out of the hand (+z) and, coarser, on the four sides: (N, 3)."""
+        """Return points (N, 3) on the face that looks out of the hand (+z) and, coarser, on the four sides."""
         x, y = (self._steps(axis, _UNDERSIDE_SPACING) for axis in (0, 1))
         face = np.stack(np.meshgrid(x, y, [self.upper[2]], indexing="ij"), axis=-1).reshape(-1, 3)
         x, y, z = (self._steps(axis, _SIDE_SPACING) for axis in range(3))
@@ -59,7 +47,7 @@ class Box:
 
 @dataclass(frozen=True, eq=False)
 class HeldObject:
-    """What the fingers hold: the cells (N, 2) that it covers [m, tcp x and y], and its extent along tcp z.
+    """The object in the fingers: the cells (N, 2) that it covers [m, tcp x and y], and its extent along tcp z.
 
     Cells, not a box around them: a ring is lowered over a peg.
     """
@@ -68,31 +56,32 @@ class HeldObject:
     below: float  # from the tcp down to its underside [m]
     above: float  # from the tcp up to its top [m]
 
-    def surface(self, margin: float = 0.0) -> FloatArray:
-        """Points (M, 3) on its underside and, coarser, higher up to the palm; larger by `margin` [m] all round."""
+    def surface(self, palm_above_tcp: float, margin: float = 0.0) -> FloatArray:
+        """Return points (M, 3) [m] on the underside and, coarser, up to the palm, `margin` [m] outside all round."""
         turns = np.arange(8) * (np.pi / 4.0)
         offsets = margin * np.stack([np.cos(turns), np.sin(turns)], axis=-1)
         cells = self.cells if margin == 0.0 else (self.cells[:, None] + offsets).reshape(-1, 2)
         underside = _thinned(cells, _UNDERSIDE_SPACING)
         layers = [np.column_stack([underside, np.full(len(underside), self.below + margin)])]
         coarse = _thinned(cells, _SIDE_SPACING)
-        top = -min(self.above + margin, PALM_ABOVE_TCP)
+        top = -min(self.above + margin, palm_above_tcp)
         for z in np.linspace(top, self.below, max(2, int(np.ceil((self.below - top) / _SIDE_SPACING)) + 1))[:-1]:
             layers.append(np.column_stack([coarse, np.full(len(coarse), z)]))
         return np.concatenate(layers)
 
 
 def _thinned(points: FloatArray, spacing: float) -> FloatArray:
-    """One of the points (N, 2) in each square of edge `spacing` [m]."""
+    """Return one of the points (N, 2) in each square of edge `spacing` [m]."""
     _, first = np.unique(np.floor(points / spacing).astype(np.int64), axis=0, return_index=True)
     return points[first]
 
 
 @dataclass(frozen=True)
 class HandShape:
-    """The hand with its fingers `width` [m] apart, with or without an object, grown by `margin` [m]."""
+    """The hand with its fingers `width` [m] apart (None: open), with or without an object, grown by `margin` [m]."""
 
-    width: float = MAX_OPENING
+    hand: HandModel
+    width: float | None = None
     held: HeldObject | None = None
     margin: float = 0.0
     points: FloatArray = field(init=False, repr=False, compare=False)
@@ -100,26 +89,28 @@ class HandShape:
     def __post_init__(self) -> None:
         parts = [box.grown(self.margin).surface() for box in self.boxes()]
         if self.held is not None:
-            parts.append(self.held.surface(self.margin))
+            parts.append(self.held.surface(self.hand.palm_above_tcp, self.margin))
         points = np.unique(np.round(np.concatenate(parts), 5), axis=0)
         points.flags.writeable = False
         object.__setattr__(self, "points", points)
 
     def boxes(self) -> list[Box]:
-        """Palm with flange, finger mounts and fingers."""
-        inner = self.width / 2.0
-        outer = inner + FINGER_THICKNESS
+        """Return palm, flange, finger mounts and fingers."""
+        hand = self.hand
+        inner = (hand.opening if self.width is None else self.width) / 2.0
+        outer = inner + hand.finger_thickness
+        palm, flange, top = -hand.palm_above_tcp, hand.flange_half_width, -hand.tcp_from_hand
         boxes = [
             Box(
-                (-HAND_HALF_WIDTH, -HAND_HALF_LENGTH, -_HAND_LENGTH - 0.03),
-                (HAND_HALF_WIDTH, HAND_HALF_LENGTH, -PALM_ABOVE_TCP),
+                (-hand.palm_half_width, -hand.palm_half_length, top - hand.housing_top),
+                (hand.palm_half_width, hand.palm_half_length, palm),
             ),
-            Box((-0.045, -0.045, -_HAND_LENGTH - _FLANGE_TOP), (0.045, 0.045, -_HAND_LENGTH)),
+            Box((-flange, -flange, top - hand.flange_length), (flange, flange, top)),
         ]
         for sign in (-1.0, 1.0):
             finger = sorted((sign * inner, sign * outer))
-            mount = sorted((sign * inner, sign * (inner + MOUNT_THICKNESS)))
-            x = FINGER_HALF_WIDTH
-            boxes.append(Box((-x, finger[0], -PALM_ABOVE_TCP), (x, finger[1], FINGERTIP_BELOW_TCP)))
-            boxes.append(Box((-x, mount[0], -PALM_ABOVE_TCP), (x, mount[1], -MOUNT_ABOVE_TCP)))
+            mount = sorted((sign * inner, sign * (inner + hand.mount_thickness)))
+            x = hand.finger_half_width
+            boxes.append(Box((-x, finger[0], palm), (x, finger[1], hand.fingertip_below_tcp)))
+            boxes.append(Box((-x, mount[0], palm), (x, mount[1], -hand.mount_above_tcp)))
         return boxes

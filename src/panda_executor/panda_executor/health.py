@@ -1,4 +1,4 @@
-"""What the executor has to say about itself on /diagnostics."""
+"""The executor's report about itself on /diagnostics."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class HealthReport:
 def assess(
     joint_age: float, cloud_age: float, arm_ready: bool, gripper_ready: bool, refusal: str | None, busy: bool
 ) -> HealthReport:
-    """The worst of what is wrong, in words. Ages in s, infinite when nothing came yet."""
+    """Report the worst of what is wrong. Ages in s, infinite when nothing came yet."""
     values = {
         "joint state age [s]": _seconds(joint_age),
         "cloud age [s]": _seconds(cloud_age),

@@ -1,4 +1,4 @@
-"""Tells the arm's side, many times a second, that whoever commands it is alive."""
+"""A sign of life to the arm's side, many times a second, from the process that commands it."""
 
 from __future__ import annotations
 

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from cliport_perception.pose import Pose
+from cliport_core.pose import Pose
 from panda_executor.errors import InverseKinematicsError
-from panda_executor.limits import READY_POSITIONS, FloatArray
 from panda_executor.model import PandaModel
+from panda_model.limits import FloatArray
 
 _POSITION_TOLERANCE = 1e-5  # [m]
 _ANGLE_TOLERANCE = 1e-5  # [rad]
@@ -23,7 +23,7 @@ _RESTARTS = 60  # random seeds, tried only while nothing else has converged
 
 
 def tilted(pose: Pose, angle: float) -> Pose:
-    """The tcp pose turned about the tcp so that the hand leans away from the robot by `angle` [rad]."""
+    """Return the tcp pose turned about the tcp so that the hand leans away from the robot by `angle` [rad]."""
     x, y, _ = pose.translation
     bearing = math.atan2(float(y), float(x))
     axis = np.array([-math.sin(bearing), math.cos(bearing), 0.0])
@@ -31,7 +31,7 @@ def tilted(pose: Pose, angle: float) -> Pose:
 
 
 def hand_down_pose(x: float, y: float, z: float, yaw: float) -> Pose:
-    """tcp in base with the hand pointing straight down.
+    """Return tcp in base with the hand pointing straight down.
 
     The jaws' convention: at yaw 0 the fingers close along the base's x axis; at yaw psi along that direction
     turned by psi about +z. So a block with yaw psi is held by two of its faces. The fingers close along the
@@ -43,13 +43,13 @@ def hand_down_pose(x: float, y: float, z: float, yaw: float) -> Pose:
 
 
 def yaw_of_hand(pose: Pose) -> float:
-    """The inverse of `hand_down_pose` for the angle [rad]."""
+    """Return the yaw [rad] that `hand_down_pose` was given."""
     return math.atan2(pose.rotation[1, 1], pose.rotation[0, 1])
 
 
 @dataclass(frozen=True, eq=False)
 class IkSolution:
-    """Joint positions (7,) [rad] and how much they are worth: less cost is better."""
+    """Joint positions (7,) [rad] and their cost: less is better."""
 
     positions: FloatArray
     cost: float
@@ -71,7 +71,7 @@ class HandDownIk:
         self._span = model.limits.upper - model.limits.lower
 
     def refine(self, target: Pose, seed: FloatArray) -> tuple[FloatArray, float]:
-        """From one seed (7,) [rad] to the target: the positions reached and what is missing [m + rad]."""
+        """Descend from one seed (7,) [rad] to the target; return the positions reached and the error left [m + rad]."""
         goal = pin.SE3(np.array(target.rotation), np.array(target.translation))
         q = np.clip(seed, self._limits.lower, self._limits.upper)
         damping = self._damping**2 * _EYE6
@@ -96,14 +96,14 @@ class HandDownIk:
         return q, residual
 
     def solve_near(self, target: Pose, seed: FloatArray, max_change: float = 0.5) -> FloatArray | None:
-        """The solution on the seed's own branch, or None when a joint moves more than max_change [rad]."""
+        """Return the solution on the seed's own branch, or None when a joint moves more than max_change [rad]."""
         q, residual = self.refine(target, seed)
         if residual > _POSITION_TOLERANCE + _ANGLE_TOLERANCE or float(np.abs(q - seed).max()) > max_change:
             return None
         return q
 
     def solve_all(self, target: Pose, reference: FloatArray) -> list[IkSolution]:
-        """Distinct solutions, the cheapest first: near to `reference` (7,) [rad] and far from the limits.
+        """Return distinct solutions, the cheapest first: near to `reference` (7,) [rad] and far from the limits.
 
         Raises:
             InverseKinematicsError: when no seed converges.
@@ -126,14 +126,14 @@ class HandDownIk:
         return sorted(found, key=lambda solution: solution.cost)
 
     def cost(self, positions: FloatArray, reference: FloatArray) -> float:
-        """Distance from the reference plus a penalty that grows towards the joint limits."""
+        """Return the distance from the reference plus a penalty that grows towards the joint limits."""
         distance = float(np.linalg.norm(positions - reference))
         to_limit = np.minimum(positions - self._model.limits.lower, self._model.limits.upper - positions)
         crowded = np.clip(1.0 - to_limit / (0.15 * self._span), 0.0, 1.0)
         return distance + 1.5 * float(np.sum(crowded**2))
 
     def _seeds(self, target: Pose, reference: FloatArray) -> list[FloatArray]:
-        """The reference, then the ready pose turned towards the target with the wrist at its yaw."""
+        """Return the reference, then configurations turned towards the target with the wrist at its yaw."""
         x, y, _z = target.translation
         bearing = math.atan2(float(y), float(x))
         reach = float(np.clip((math.hypot(float(x), float(y)) - 0.3) / 0.45, 0.0, 1.0))
@@ -151,7 +151,7 @@ class HandDownIk:
             seed[2] = elbow
             seed[6] = np.clip(wrist, self._limits.lower[6], self._limits.upper[6])
             seeds.append(seed)
-        ready = READY_POSITIONS.copy()
+        ready = self._model.arm.ready.copy()
         ready[0] = bearing
         seeds.append(ready)
         assert len(seeds) == _USUAL_SEEDS

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from panda_executor.errors import PortError
-from panda_executor.limits import FloatArray
+from panda_model.limits import FloatArray
 
 
 class JointTracker:
@@ -34,7 +34,7 @@ class JointTracker:
                     self._seen[name] = (float(position), stamp_ns)
 
     def age(self, now_ns: int) -> float:
-        """Of the oldest joint that is needed [s]; infinite when one was never seen."""
+        """Return the age of the oldest joint that is needed [s]; infinite when one was never seen."""
         needed = (*self._arm_joints, *self._finger_joints[:1])
         with self._lock:
             if any(name not in self._seen for name in needed):
@@ -42,7 +42,7 @@ class JointTracker:
             return (now_ns - min(self._seen[name][1] for name in needed)) * 1e-9
 
     def arm_positions(self, now_ns: int) -> FloatArray:
-        """(7,) [rad].
+        """Return the arm's positions (7,) [rad].
 
         Raises:
             PortError: when a joint was never seen or not lately.
@@ -50,7 +50,7 @@ class JointTracker:
         return np.array([self._fresh(name, now_ns) for name in self._arm_joints])
 
     def width(self, now_ns: int) -> float:
-        """Full distance between the fingers [m]: each finger's joint is half of it.
+        """Return the full distance between the fingers [m]: each finger's joint is half of it.
 
         Raises:
             PortError: as `arm_positions`.

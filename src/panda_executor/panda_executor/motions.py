@@ -1,4 +1,4 @@
-"""Single motions: a path, its times, and the scene in which it was found good."""
+"""Single motions: a path, its times, and the scene in which it was found valid."""
 
 from __future__ import annotations
 
@@ -9,18 +9,20 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from cliport_perception.pose import Pose
+from cliport_core.pose import Pose
 from panda_executor.config import ExecutorConfig
 from panda_executor.errors import PlanningError, TrajectoryError
+from panda_executor.hand_geometry import HandShape
 from panda_executor.ik import HandDownIk
-from panda_executor.limits import FloatArray, JointLimits
 from panda_executor.model import PandaModel
+from panda_executor.obstacle_grid import ObstacleGrid
 from panda_executor.path_search import find_path
-from panda_executor.request import Phase
+from panda_executor.phase import Phase
 from panda_executor.scene import Scene
 from panda_executor.timing import time_path
-from panda_executor.trajectory import PANDA_JOINTS, JointTrajectory
+from panda_executor.trajectory import JointTrajectory
 from panda_executor.validation import validate_trajectory
+from panda_model.limits import FloatArray, JointLimits
 
 _CARTESIAN_STEP = 0.01  # between two solved poses on a straight line [m]
 _TURN_STEP = 0.1  # [rad]
@@ -43,8 +45,12 @@ class MotionBuilder:
         self.model, self.ik, self.config = model, ik, config
         self.limits: JointLimits = config.motion_limits(model.limits)
 
+    def scene(self, grid: ObstacleGrid, hand: HandShape) -> Scene:
+        """Return the surroundings with the given columns and hand."""
+        return Scene(self.model, grid, hand, self.config.scene.table_z)
+
     def travel(self, phase: Phase, start: FloatArray, goal: FloatArray, scene: Scene) -> Motion:
-        """From configuration to configuration (7,), straight where that is free.
+        """Plan a motion between configurations (7,) [rad], straight where that is free.
 
         Raises:
             PlanningError: when there is no way.
@@ -60,7 +66,7 @@ class MotionBuilder:
     def straight(
         self, phase: Phase, start: FloatArray, end_pose: Pose, scene: Scene, speed: float | None = None
     ) -> Motion | None:
-        """The tcp on a straight line from where `start` (7,) puts it to `end_pose`; None when that fails.
+        """Plan a straight line of the tcp from where `start` (7,) puts it to `end_pose`; None when that fails.
 
         speed: of the tcp at most [m/s]; that near objects when it is None.
         """
@@ -73,7 +79,7 @@ class MotionBuilder:
             return None
 
     def reversed(self, phase: Phase, motion: Motion, scene: Scene) -> Motion:
-        """The same way back, with another hand.
+        """Return the same way back, with another hand.
 
         Raises:
             TrajectoryError: when the other hand does not pass.
@@ -90,7 +96,7 @@ class MotionBuilder:
         return Motion(phase, back, scene)
 
     def cartesian_waypoints(self, start: FloatArray, end_pose: Pose) -> FloatArray | None:
-        """Configurations (N, 7) along the line, all on the branch of `start`, or None."""
+        """Return configurations (N, 7) along the line, all on the branch of `start`, or None."""
         first = self.model.tcp_pose(start)
         shift = np.asarray(end_pose.translation) - first.translation
         turn = pin.log3(first.rotation.T @ end_pose.rotation)
@@ -110,27 +116,19 @@ class MotionBuilder:
 
     def _timed(self, phase: Phase, waypoints: FloatArray, scene: Scene, tcp_speed: float) -> Motion:
         if float(np.abs(waypoints[-1] - waypoints[0]).max()) < 1e-4 and len(waypoints) == 2:
-            return Motion(phase, _resting(waypoints[0]), scene)
+            return Motion(phase, _resting(waypoints[0], self.model.arm.arm_joints), scene)
         period = self.config.timing.period
         trajectory = time_path(waypoints, self.limits, self.model, tcp_speed, period)
         validate_trajectory(trajectory, self.limits, scene)
         return Motion(phase, trajectory, scene)
 
     def _stopping(self, phase: Phase, waypoints: FloatArray, scene: Scene) -> Motion:
-        """Leg by leg with a stop at every corner: what is left when the rounded path touches something."""
+        """Plan leg by leg with a stop at every corner: what is left when the rounded path touches something."""
         legs = [
             time_path(np.stack(pair), self.limits, self.model, self.config.timing.tcp_speed)
             for pair in itertools.pairwise(waypoints)
         ]
-        offsets = np.concatenate([[0.0], np.cumsum([leg.duration for leg in legs])])
-        keep = [slice(0 if i == 0 else 1, None) for i in range(len(legs))]
-        trajectory = JointTrajectory(
-            PANDA_JOINTS,
-            np.concatenate([leg.times[k] + offsets[i] for i, (leg, k) in enumerate(zip(legs, keep, strict=True))]),
-            np.concatenate([leg.positions[k] for leg, k in zip(legs, keep, strict=True)]),
-            np.concatenate([leg.velocities[k] for leg, k in zip(legs, keep, strict=True)]),
-            np.concatenate([leg.accelerations[k] for leg, k in zip(legs, keep, strict=True)]),
-        )
+        trajectory = _joined(legs)
         try:
             validate_trajectory(trajectory, self.limits, scene)
         except TrajectoryError as error:
@@ -138,14 +136,33 @@ class MotionBuilder:
         return Motion(phase, trajectory, scene)
 
 
-def _resting(positions: FloatArray) -> JointTrajectory:
-    """Two points at the same place: a motion for an arm that is already there."""
+def _joined(legs: list[JointTrajectory]) -> JointTrajectory:
+    """Return one trajectory of legs that each begin at rest where the last one ended; corners are kept once."""
+    starts = np.concatenate([[0.0], np.cumsum([leg.duration for leg in legs])])
+    times, positions, velocities, accelerations = [], [], [], []
+    for number, leg in enumerate(legs):
+        first = 0 if number == 0 else 1
+        times.append(leg.times[first:] + starts[number])
+        positions.append(leg.positions[first:])
+        velocities.append(leg.velocities[first:])
+        accelerations.append(leg.accelerations[first:])
+    return JointTrajectory(
+        legs[0].joint_names,
+        np.concatenate(times),
+        np.concatenate(positions),
+        np.concatenate(velocities),
+        np.concatenate(accelerations),
+    )
+
+
+def _resting(positions: FloatArray, joints: tuple[str, ...]) -> JointTrajectory:
+    """Return two points at the same place: a motion for an arm that is already there."""
     still = np.zeros((2, len(positions)))
-    return JointTrajectory(PANDA_JOINTS, np.array([0.0, 0.1]), np.stack([positions] * 2), still, still)
+    return JointTrajectory(joints, np.array([0.0, 0.1]), np.stack([positions] * 2), still, still)
 
 
 def _rounded(waypoints: FloatArray) -> FloatArray:
-    """A polyline's corners cut (three times, a quarter, 0.15 rad at most): dense points (M, 7)."""
+    """Return dense points (M, 7) of a polyline whose corners are cut three times, by a quarter, 0.15 rad at most."""
     points = waypoints
     for _ in range(3):
         cut = [points[0]]

@@ -12,18 +12,22 @@ from rclpy.callback_groups import MutuallyExclusiveCallbackGroup, ReentrantCallb
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.node import Node
-from rclpy.qos import QoSProfile, qos_profile_sensor_data
-from sensor_msgs.msg import JointState, PointCloud2
+from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
+from sensor_msgs.msg import CameraInfo, JointState, PointCloud2
 from std_msgs.msg import Empty
 from std_srvs.srv import Trigger
+from tf2_msgs.msg import TFMessage
 
+from cliport_core import topics
+from cliport_core.messages import pose_from_transform_msg, stamp_from_msg
+from cliport_core.raw_header import header_of_raw
+from cliport_core.ros_action_server import ThreadedActionServer
 from cliport_interfaces.action import PickPlace
-from cliport_perception.conversions import stamp_from_msg
-from cliport_perception.ros_action_server import ThreadedActionServer
 from panda_executor import conversions
 from panda_executor.action_arm import ActionArm
 from panda_executor.action_call import ActionCaller
 from panda_executor.action_gripper import ActionGripper
+from panda_executor.camera_place import CameraPlace
 from panda_executor.cloud_cache import CloudCache
 from panda_executor.gate import Gate
 from panda_executor.goal_session import GoalSession
@@ -31,60 +35,78 @@ from panda_executor.health import assess
 from panda_executor.heartbeat import Heartbeat
 from panda_executor.joint_tracker import JointTracker
 from panda_executor.model import PandaModel
-from panda_executor.node_parameters import read_parameters
+from panda_executor.node_parameters import NodeParameters, read_parameters
 from panda_executor.runner import PickPlaceRunner
 from panda_executor.transfer import TransferPlanner
+from panda_model.description import load_description
 
-HEARTBEAT_TOPIC = "/panda_executor/heartbeat"
 _LAST_WORDS = 0.2  # for the ended goal's result to reach its client [s]
 
 
 class ExecutorNode(Node):
-    """Maps requests; what they mean is the runner's matter.
+    """The node: it maps requests; their meaning is the runner's matter.
 
     Raises:
-        ExecutorError, PerceptionError: when a parameter cannot be used.
+        ExecutorError, CoreError: when a parameter cannot be used.
     """
 
     def __init__(self) -> None:
         super().__init__("panda_executor")
         parameters = read_parameters(self)
-        robot, self._frame = parameters.robot, parameters.robot.base_frame
+        robot = parameters.robot
         self.gate = Gate()
         self._joints = JointTracker(robot.arm_joints, robot.finger_joints, parameters.max_joint_age)
         self._clouds = CloudCache(parameters.max_cloud_age, parameters.cloud_behind)
-        calls = ReentrantCallbackGroup()
-        self._arm_caller = ActionCaller(self, FollowJointTrajectory, robot.arm_action, calls)
-        self._gripper_caller = ActionCaller(self, GripperCommand, robot.gripper_action, calls)
-        arm = ActionArm(self._arm_caller, self._joints, robot.arm_joints, self._now_ns)
+        self._camera = CameraPlace(robot.base_frame)
+        self._calls = ReentrantCallbackGroup()
+        self._arm_caller = ActionCaller(self, FollowJointTrajectory, robot.arm_action, self._calls)
+        self._gripper_caller = ActionCaller(self, GripperCommand, robot.gripper_action, self._calls)
         self._gripper = ActionGripper(
             self._gripper_caller, self._joints, self._now_ns, robot.gripper_reports_full_width
         )
-        model = PandaModel(robot.limits)
-        planner = TransferPlanner(model, parameters.config)
-        runner = PickPlaceRunner(model, planner, arm, self._gripper)
-        self._session = GoalSession(runner, self._clouds, parameters, self.gate, self._now_ns)
+        runner = self._make_runner(parameters)
+        self._session = GoalSession(runner, self._clouds, self._camera, parameters, self.gate, self._now_ns)
+        self._subscribe()
+        self._offer()
 
+    def _make_runner(self, parameters: NodeParameters) -> PickPlaceRunner:
+        robot = parameters.robot
+        arm = ActionArm(self._arm_caller, self._joints, robot.arm_joints, self._now_ns)
+        description = load_description(robot, parameters.robot_description)
+        if description.notice:
+            self.get_logger().warning(description.notice)
+        model = PandaModel(robot, description=description)
+        return PickPlaceRunner(model, TransferPlanner(model, parameters.config), arm, self._gripper)
+
+    def _subscribe(self) -> None:
         data = MutuallyExclusiveCallbackGroup()
         # Reliable, unlike for a camera's topics: a message of 16 MB rarely arrives whole by best effort.
-        newest = QoSProfile(depth=1)
         self.create_subscription(
-            PointCloud2, "/cliport/points", self._clouds.put, newest, raw=True,
+            PointCloud2, topics.POINTS, self._clouds.put, QoSProfile(depth=1), raw=True,
             callback_group=MutuallyExclusiveCallbackGroup(),
         )  # fmt: skip
         self.create_subscription(
-            JointState, "/joint_states", self._on_joints, qos_profile_sensor_data, callback_group=data
+            JointState, topics.JOINT_STATES, self._on_joints, qos_profile_sensor_data, callback_group=data
         )
+        latched = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        self.create_subscription(TFMessage, topics.TF_STATIC, self._on_transforms, latched, callback_group=data)
+        self.create_subscription(
+            CameraInfo, topics.CAMERA_INFO, self._on_camera_info, qos_profile_sensor_data, raw=True,
+            callback_group=data,
+        )  # fmt: skip
+
+    def _offer(self) -> None:
+        """Offer services, diagnostics, the heartbeat and, last, the action."""
         services = ReentrantCallbackGroup()
-        self.create_service(Trigger, "/panda_executor/stop", self._on_stop, callback_group=services)
-        self.create_service(Trigger, "/panda_executor/resume", self._on_resume, callback_group=services)
-        self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
+        self.create_service(Trigger, topics.EXECUTOR_STOP, self._on_stop, callback_group=services)
+        self.create_service(Trigger, topics.EXECUTOR_RESUME, self._on_resume, callback_group=services)
+        self._diagnostics = self.create_publisher(DiagnosticArray, topics.DIAGNOSTICS, 10)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(1.0, self._report, callback_group=services, clock=steady)
-        beats = self.create_publisher(Empty, HEARTBEAT_TOPIC, 10)
+        beats = self.create_publisher(Empty, topics.HEARTBEAT, 10)
         self._heartbeat = Heartbeat(lambda: beats.publish(Empty()))
         self._server = ThreadedActionServer(
-            self, PickPlace, "/panda_executor/pick_place", self._execute, callback_group=calls,
+            self, PickPlace, topics.PICK_PLACE, self._execute, callback_group=self._calls,
             goal_callback=self._on_goal, cancel_callback=lambda _: CancelResponse.ACCEPT,
         )  # fmt: skip
 
@@ -93,6 +115,18 @@ class ExecutorNode(Node):
 
     def _on_joints(self, message: JointState) -> None:
         self._joints.update(message.name, message.position, stamp_from_msg(message.header.stamp))
+
+    def _on_transforms(self, message: TFMessage) -> None:
+        for link in message.transforms:
+            try:
+                pose = pose_from_transform_msg(link.transform)
+            except ValueError as error:
+                self.get_logger().warning(f"transform of '{link.child_frame_id}' ignored: {error}")
+                continue
+            self._camera.put(link.header.frame_id, link.child_frame_id, pose)
+
+    def _on_camera_info(self, raw: bytes) -> None:
+        self._camera.see(header_of_raw(raw)[1])
 
     def _on_goal(self, _: PickPlace.Goal) -> GoalResponse:
         refusal = self.gate.enter()
@@ -110,7 +144,7 @@ class ExecutorNode(Node):
     def _on_stop(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self.gate.latch("stopped on request")
         self._gripper.stop()
-        response.success, response.message = True, "stopped; goals are rejected until /panda_executor/resume"
+        response.success, response.message = True, f"stopped; goals are rejected until {topics.EXECUTOR_RESUME}"
         return response
 
     def _on_resume(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:

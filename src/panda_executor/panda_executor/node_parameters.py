@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from cliport_perception.workspace import WorkspaceSpec
+from cliport_core.workspace import WorkspaceSpec
 from panda_executor.config import ExecutorConfig
 from panda_executor.errors import ExecutorError
-from panda_executor.presets import RobotPreset, find_preset
+from panda_model import DEFAULT_PRESET, ArmModel, load_preset
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -16,9 +16,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class NodeParameters:
-    """What the node is told from outside; ages and waits in s."""
+    """Values of the node's parameters; ages and waits in s.
 
-    robot: RobotPreset
+    robot_description: the user's own URDF, as a path or as XML; empty: the preset's.
+    """
+
+    robot: ArmModel
+    robot_description: str
     config: ExecutorConfig
     workspace: WorkspaceSpec
     max_cloud_age: float
@@ -31,14 +35,14 @@ def read_parameters(node: Node) -> NodeParameters:
     """Declare and read every parameter. An empty name takes the robot preset's.
 
     Raises:
-        ExecutorError: on an unknown robot or a value out of range.
-        PerceptionError: when the workspace file cannot be used.
+        ExecutorError: on a value out of range.
+        CoreError: on an unknown robot; when the preset's or the workspace's file cannot be used.
     """
 
     def get(name: str, default: Any) -> Any:
         return node.declare_parameter(name, default).value
 
-    preset = find_preset(str(get("robot", "panda")))
+    preset = load_preset(str(get("robot", DEFAULT_PRESET)))
     names: dict[str, Any] = {}
     for name in ("base_frame", "arm_action", "gripper_action"):
         names[name] = str(get(name, "")) or getattr(preset, name)
@@ -51,7 +55,8 @@ def read_parameters(node: Node) -> NodeParameters:
     path = str(get("workspace", ""))
     return NodeParameters(
         robot,
-        _read_config(get),
+        str(get("robot_description", "")),
+        _read_config(get, robot),
         WorkspaceSpec.load(path) if path else WorkspaceSpec(),
         max_cloud_age=float(get("max_cloud_age", 2.0)),
         max_joint_age=float(get("max_joint_age", 0.5)),
@@ -60,8 +65,8 @@ def read_parameters(node: Node) -> NodeParameters:
     )
 
 
-def _read_config(get: Any) -> ExecutorConfig:
-    config = ExecutorConfig()
+def _read_config(get: Any, robot: ArmModel) -> ExecutorConfig:
+    config = ExecutorConfig.for_arm(robot)
     timing = {}
     for name in ("velocity_scaling", "acceleration_scaling", "jerk_scaling"):
         value = float(get(name, getattr(config.timing, name)))
@@ -69,13 +74,10 @@ def _read_config(get: Any) -> ExecutorConfig:
             raise ExecutorError(f"{name} must be in (0, 1], got {value:g}")
         timing[name] = value
     force = float(get("grip_force", config.grip_force))
-    if not 0.0 < force <= 60.0:
-        raise ExecutorError(f"grip_force must be in (0, 60] N, got {force:g}")
-    camera = [float(v) for v in get("camera_position", list(config.scene.camera_position))]
-    if len(camera) != 3:
-        raise ExecutorError(f"camera_position must be x, y, z [m], got {camera}")
+    if not 0.0 < force <= robot.hand.allowed_force:
+        raise ExecutorError(f"grip_force must be in (0, {robot.hand.allowed_force:g}] N, got {force:g}")
     table_z = float(get("table_z", config.scene.table_z))
-    scene = replace(config.scene, camera_position=(camera[0], camera[1], camera[2]), table_z=table_z)
+    scene = replace(config.scene, table_z=table_z)
     return replace(
         config,
         timing=replace(config.timing, **timing),

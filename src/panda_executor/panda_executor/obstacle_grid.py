@@ -1,4 +1,4 @@
-"""What the camera saw, as a grid of columns standing on the table."""
+"""The camera's view as a grid of columns standing on the table."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from cliport_perception.workspace import WorkspaceSpec
-from panda_executor.limits import FloatArray
+from cliport_core.workspace import WorkspaceSpec
+from panda_model.limits import FloatArray
 
 BORDER = 0.1  # the grid reaches this far beyond the workspace: the hand is wider than its tcp [m]
 _EMPTY = -1.0  # height of a column in which nothing was seen [m]
@@ -30,7 +30,7 @@ class ObstacleGrid:
 
     @classmethod
     def empty(cls, workspace: WorkspaceSpec, cell: float = 0.005) -> ObstacleGrid:
-        """Nothing on the table."""
+        """Return a grid with nothing on the table."""
         rows = int(np.ceil((workspace.y_max - workspace.y_min + 2 * BORDER) / cell))
         cols = int(np.ceil((workspace.x_max - workspace.x_min + 2 * BORDER) / cell))
         return cls(np.full((rows, cols), _EMPTY), workspace.x_min - BORDER, workspace.y_min - BORDER, cell)
@@ -39,7 +39,7 @@ class ObstacleGrid:
     def from_cloud(
         cls, cloud: npt.NDArray[np.float32], workspace: WorkspaceSpec, floor: float, cell: float = 0.005
     ) -> ObstacleGrid:
-        """From points (N, 3) [m, base frame]; those at or below `floor` [m] are the table.
+        """Make a grid of points (N, 3) [m, base frame]; those at or below `floor` [m] are the table.
 
         Points above the workspace's z_max are the arm itself, which waits above it, and are left out.
         """
@@ -58,7 +58,7 @@ class ObstacleGrid:
         return cls(heights.reshape(rows, cols), free.x_min, free.y_min, cell)
 
     def heights_at(self, x: FloatArray, y: FloatArray) -> FloatArray:
-        """Column heights under positions of any shape [m, base frame]; free outside the grid."""
+        """Return the column heights under positions of any shape [m, base frame]; free outside the grid."""
         rows, cols = self.heights.shape
         row = np.floor((y - self.y_min) / self.cell).astype(np.int64)
         col = np.floor((x - self.x_min) / self.cell).astype(np.int64)
@@ -67,12 +67,12 @@ class ObstacleGrid:
         return np.where(inside, found, _EMPTY)
 
     def hits(self, points: FloatArray) -> npt.NDArray[np.bool_]:
-        """Which points (..., 3) [m, base frame] lie inside a column."""
+        """Return a mask of the points (..., 3) [m, base frame] that lie inside a column."""
         inside: npt.NDArray[np.bool_] = points[..., 2] < self.heights_at(points[..., 0], points[..., 1])
         return inside
 
     def without(self, points: FloatArray) -> ObstacleGrid:
-        """The same grid with the columns that hold any of the points (N, 3) set free."""
+        """Return the same grid without the columns that hold any of the points (N, 3)."""
         hit = points[self.hits(points)]
         heights = self.heights.copy()
         row = np.floor((hit[:, 1] - self.y_min) / self.cell).astype(np.int64)

@@ -10,8 +10,8 @@ from ompl import base, geometric, util
 
 from panda_executor.config import SearchConfig
 from panda_executor.errors import PlanningError
-from panda_executor.limits import ARM_DOF, FloatArray
 from panda_executor.scene import Scene
+from panda_model.limits import ARM_DOF, FloatArray
 
 _RESOLUTION = 0.02  # between two configurations that are checked on a line [rad]
 
@@ -20,7 +20,7 @@ util.setLogLevel(util.LOG_NONE)
 
 
 def line_is_free(scene: Scene, start: FloatArray, goal: FloatArray) -> bool:
-    """Whether the straight line in joint space, ends included, is valid at every 0.02 rad."""
+    """Return True if the straight line in joint space, ends included, is valid at every 0.02 rad."""
     count = int(np.ceil(float(np.abs(goal - start).max()) / _RESOLUTION)) + 1
     # The middle first: that is where a line that is not free fails most often.
     shares = np.linspace(0.0, 1.0, max(count, 2))
@@ -35,7 +35,7 @@ def find_path(
     config: SearchConfig,
     clock: Callable[[], float] = time.monotonic,
 ) -> FloatArray:
-    """Waypoints (N, 7) [rad] from start to goal; the segments between them are valid at every 0.02 rad.
+    """Find waypoints (N, 7) [rad] from start to goal; the segments between them are valid at every 0.02 rad.
 
     Deterministic for a seed as long as max_checks ends the search before time_limit does.
 

@@ -1,4 +1,4 @@
-"""What the core needs of an arm and a gripper; a simulator, a driver or a test hands in its own."""
+"""The interface of an arm and a gripper; a simulator, a driver or a test hands in its own."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Protocol
 
-from panda_executor.limits import FloatArray
 from panda_executor.trajectory import JointTrajectory
+from panda_model.limits import FloatArray
 
 ShouldStop = Callable[[], bool]
 
 
 class MotionStatus(Enum):
-    """How a motion ended."""
+    """The ways in which a motion can end."""
 
     SUCCEEDED = "succeeded"
     ABORTED = "aborted"
@@ -34,9 +34,10 @@ class MotionResult:
 
 @dataclass(frozen=True)
 class GripperResult:
-    """width between the fingers [m]; stalled: stopped by something; reached_goal: at the width asked for.
+    """The end of the fingers' motion.
 
-    status tells a gripper that could not move from one that was stopped by an object.
+    width: between the fingers [m]; stalled: stopped by something; reached_goal: at the width asked for; status tells a
+    gripper that could not move from one that was stopped by an object.
     """
 
     width: float
@@ -50,7 +51,7 @@ class ArmPort(Protocol):
     """Seven joints that follow trajectories."""
 
     def joint_positions(self) -> FloatArray:
-        """(7,) [rad] as last measured."""
+        """Return the positions (7,) [rad] as last measured."""
 
     def execute(self, trajectory: JointTrajectory, should_stop: ShouldStop) -> MotionResult:
         """Follow a trajectory to its end. When should_stop turns true the arm stops and holds."""
@@ -60,10 +61,10 @@ class GripperPort(Protocol):
     """Two fingers that move together."""
 
     def width(self) -> float:
-        """Full distance between the fingers [m], 0 to 0.08."""
+        """Return the full distance between the fingers [m], from 0 to the hand's opening."""
 
     def move(self, width: float, max_effort: float, should_stop: ShouldStop) -> GripperResult:
-        """Go to a full width [m] with at most max_effort [N]; being stopped by an object is a success."""
+        """Move to a full width [m] with at most max_effort [N]; being stopped by an object is a success."""
 
     def stop(self) -> None:
-        """Stay where it is."""
+        """Stop the fingers where they are."""

@@ -1,4 +1,4 @@
-"""Why a request is refused before anything is planned: form, bounds, reach, and the cloud."""
+"""Checks of a request before anything is planned: form, bounds, reach, and the cloud."""
 
 from __future__ import annotations
 
@@ -7,24 +7,24 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from cliport_perception.pose import PlanarPose
-from cliport_perception.workspace import WorkspaceSpec
+from cliport_core.action import PickPlaceAction
+from cliport_core.pose import PlanarPose
+from cliport_core.workspace import WorkspaceSpec
 from panda_executor.errors import InverseKinematicsError, RequestError
 from panda_executor.ik import HandDownIk, hand_down_pose
-from panda_executor.limits import FloatArray
-from panda_executor.request import PickPlaceRequest
+from panda_model.limits import FloatArray
 
 _REACH_HEIGHT = 0.03  # above the table, where a grasp usually is [m]
 
 
-def check_request(request: PickPlaceRequest, workspace: WorkspaceSpec) -> None:
-    """Poses are finite and inside the workspace.
+def check_poses(action: PickPlaceAction, workspace: WorkspaceSpec) -> None:
+    """Check that the poses are finite and inside the workspace.
 
     Raises:
         RequestError: names the pose and the bounds.
     """
-    for name, pose in (("pick", request.pick), ("place", request.place)):
-        if not all(math.isfinite(value) for value in (pose.x, pose.y, pose.yaw)):
+    for name, pose in (("pick", action.pick), ("place", action.place)):
+        if not pose.is_finite():
             raise RequestError(f"the {name} pose is not finite: ({pose.x}, {pose.y}, {pose.yaw})")
         if not workspace.contains_xy(pose.x, pose.y):
             raise RequestError(
@@ -33,13 +33,13 @@ def check_request(request: PickPlaceRequest, workspace: WorkspaceSpec) -> None:
             )
 
 
-def check_reach(request: PickPlaceRequest, ik: HandDownIk, positions: FloatArray, table_z: float) -> None:
-    """The hand, pointing down, can be at both poses, one way round or the other.
+def check_reach(action: PickPlaceAction, ik: HandDownIk, positions: FloatArray, table_z: float) -> None:
+    """Check that the hand, pointing down, can be at both poses, one way round or the other.
 
     Raises:
         RequestError: names the pose that cannot be reached.
     """
-    for name, pose in (("pick", request.pick), ("place", request.place)):
+    for name, pose in (("pick", action.pick), ("place", action.place)):
         if not _reaches(pose, ik, positions, table_z + _REACH_HEIGHT):
             raise RequestError(f"the {name} ({pose.x:.3f}, {pose.y:.3f}) m is out of reach with the hand pointing down")
 
@@ -55,7 +55,7 @@ def _reaches(pose: PlanarPose, ik: HandDownIk, positions: FloatArray, z: float) 
 
 
 def check_cloud(cloud: npt.NDArray[np.float32]) -> None:
-    """The cloud is (N, 3) and holds points.
+    """Check that the cloud is (N, 3) and holds points.
 
     Raises:
         RequestError: says what is wrong with it.
@@ -67,7 +67,7 @@ def check_cloud(cloud: npt.NDArray[np.float32]) -> None:
 
 
 def check_positions(positions: FloatArray) -> None:
-    """The arm reports seven finite joint positions [rad].
+    """Check that the arm reports seven finite joint positions [rad].
 
     Raises:
         RequestError: when it does not.

@@ -1,4 +1,4 @@
-"""When the arm is where: a path in joint space gets times within velocity, acceleration and jerk limits."""
+"""The timing of a path in joint space, within velocity, acceleration and jerk limits."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from ruckig import InputParameter, Result, Ruckig, Trajectory
 from scipy.interpolate import CubicSpline
 
 from panda_executor.errors import TrajectoryError
-from panda_executor.limits import ARM_DOF, FloatArray, JointLimits
 from panda_executor.model import PandaModel
-from panda_executor.trajectory import PANDA_JOINTS, JointTrajectory
+from panda_executor.trajectory import JointTrajectory
+from panda_model.limits import ARM_DOF, FloatArray, JointLimits
 
 _HEADROOM = 0.96  # of the limits: the controller's interpolation between points needs the rest
 # The profile's jerk switches between its bounds; polynomials between samples overshoot such a step.
@@ -24,7 +24,7 @@ _STANDSTILL = 1e-7  # a path shorter than this does not move [rad]
 
 @dataclass(frozen=True)
 class TimingConfig:
-    """scaling factors of the joint limits in (0, 1]; tcp speed limits [m/s]; sample period [s]."""
+    """Scaling factors of the joint limits in (0, 1]; speed limits of the tcp [m/s]; sample period [s]."""
 
     velocity_scaling: float = 0.5
     acceleration_scaling: float = 0.5
@@ -49,7 +49,7 @@ class _Path:
             self._spline = CubicSpline(s, points, bc_type="natural" if len(points) == 3 else "not-a-knot")
 
     def derivatives(self, s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """q, q', q'', q''' each (M, 7) at s (M,)."""
+        """Return q, q', q'', q''', each (M, 7), at s (M,)."""
         if self._line:
             zero = np.zeros((len(s), ARM_DOF))
             return self._start + s[:, None] * self._direction, zero + self._direction, zero, zero
@@ -63,7 +63,7 @@ def time_path(
     tcp_speed: float,
     period: float = 0.02,
 ) -> JointTrajectory:
-    """Rest to rest along a smooth curve through waypoints (N, 7) [rad].
+    """Time a motion from rest to rest along a smooth curve through waypoints (N, 7) [rad].
 
     The path's parameter follows a time-optimal jerk-limited profile; where the curve bends, the motion is
     stretched in time until every joint is within its limits. `tcp_speed` [m/s] bounds the tcp as well.
@@ -74,20 +74,33 @@ def time_path(
     path = _Path(np.asarray(waypoints, dtype=np.float64))
     if path.length < _STANDSTILL:
         raise TrajectoryError("the path does not move the arm")
+    profile = _speed_profile(path, limits, model, tcp_speed)
+    return _within_limits(_sampled(path, profile, limits, model.arm.arm_joints, period), limits)
+
+
+def _speed_profile(path: _Path, limits: JointLimits, model: PandaModel, tcp_speed: float) -> Trajectory:
+    """Return the path's length over time, as fast as the joints where it is steepest and `tcp_speed` [m/s] let it."""
     s = np.linspace(0.0, path.length, _PATH_SAMPLES)
     q, slope, _, _ = path.derivatives(s)
     steepest = np.maximum(np.abs(slope).max(axis=0), 1e-12)
     tcp = np.array([model.tcp_arrays(row)[1] for row in q])
     tcp_slope = float((np.linalg.norm(np.diff(tcp, axis=0), axis=1) / np.diff(s)).max())
     speed = min(float((limits.velocity / steepest).min()), tcp_speed / max(tcp_slope, 1e-9))
-    profile = _rest_to_rest(
+    return _rest_to_rest(
         path.length,
         _HEADROOM * speed,
         _HEADROOM * float((limits.acceleration / steepest).min()),
         _JERK_HEADROOM * float((limits.jerk / steepest).min()),
     )
+
+
+def _sampled(
+    path: _Path, profile: Trajectory, limits: JointLimits, joint_names: tuple[str, ...], period: float
+) -> JointTrajectory:
+    """Return points every `period` [s] or so, stretched in time until those points keep the limits."""
     count = max(math.ceil(profile.duration / period), 4) + 1
-    states = [profile.at_time(t) for t in np.linspace(0.0, profile.duration, count)]
+    times = np.linspace(0.0, profile.duration, count)
+    states = [profile.at_time(t) for t in times]
     s = np.clip(np.array([state[0][0] for state in states]), 0.0, path.length)
     ds = np.array([state[1][0] for state in states])[:, None]
     dds = np.array([state[2][0] for state in states])[:, None]
@@ -95,7 +108,6 @@ def time_path(
     velocity = d1 * ds
     acceleration = d2 * ds**2 + d1 * dds
     jerk_bend = d3 * ds**3 + 3.0 * d2 * ds * dds  # the profile's own jerk is within its share already
-    times = np.linspace(0.0, profile.duration, count)
     stretch = max(
         1.0,
         float((np.abs(velocity) / (limits.velocity * _HEADROOM)).max()),
@@ -105,12 +117,14 @@ def time_path(
     velocity, acceleration = velocity / stretch, acceleration / stretch**2
     velocity[[0, -1]] = 0.0
     acceleration[[0, -1]] = 0.0
-    sampled = JointTrajectory(PANDA_JOINTS, times * stretch, q, velocity, acceleration)
-    return _within_limits(sampled, limits)
+    return JointTrajectory(joint_names, times * stretch, q, velocity, acceleration)
 
 
 def _within_limits(trajectory: JointTrajectory, limits: JointLimits) -> JointTrajectory:
-    """Stretched in time by what the polynomials between the points exceed: most where a path bends sharply."""
+    """Return the trajectory stretched until the polynomials between its points keep the limits, too.
+
+    They exceed them most where a path bends sharply.
+    """
     spans = np.diff(trajectory.times)[:, None]
     fine = (trajectory.times[:-1, None] + spans * _SUBSTEPS).ravel()
     _, velocity, acceleration, jerk = trajectory.sample(fine)
@@ -130,7 +144,7 @@ def _within_limits(trajectory: JointTrajectory, limits: JointLimits) -> JointTra
 
 
 def _rest_to_rest(length: float, speed: float, acceleration: float, jerk: float) -> Trajectory:
-    """A one-dimensional jerk-limited profile from 0 to `length`."""
+    """Return a one-dimensional jerk-limited profile from 0 to `length` [rad]."""
     problem = InputParameter(1)
     problem.current_position, problem.target_position = [0.0], [length]
     problem.current_velocity = problem.target_velocity = [0.0]

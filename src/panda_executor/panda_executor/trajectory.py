@@ -7,14 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from panda_executor.errors import TrajectoryError
-from panda_executor.limits import ARM_DOF, FloatArray
-
-PANDA_JOINTS = tuple(f"panda_joint{i}" for i in range(1, ARM_DOF + 1))
+from panda_model.limits import ARM_DOF, FloatArray
 
 
 @dataclass(frozen=True, eq=False)
 class JointTrajectory:
-    """times (N,) [s] from the start; positions, velocities, accelerations (N, 7) [rad, rad/s, rad/s^2]."""
+    """Points of a motion.
+
+    times: (N,) [s] from the start; positions, velocities, accelerations (N, 7) [rad, rad/s, rad/s^2].
+    """
 
     joint_names: tuple[str, ...]
     times: FloatArray
@@ -32,21 +33,21 @@ class JointTrajectory:
 
     @property
     def duration(self) -> float:
-        """Of the whole motion [s]."""
+        """Duration of the whole motion [s]."""
         return float(self.times[-1])
 
     @property
     def start(self) -> FloatArray:
-        """(7,) [rad]."""
+        """First configuration (7,) [rad]."""
         return self.positions[0]
 
     @property
     def end(self) -> FloatArray:
-        """(7,) [rad]."""
+        """Last configuration (7,) [rad]."""
         return self.positions[-1]
 
     def sample(self, times: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Positions and first three derivatives, each (M, 7), at times (M,) [s].
+        """Return positions and first three derivatives, each (M, 7), at times (M,) [s].
 
         Between the points runs the quintic that matches position, velocity and acceleration at both ends:
         what a joint trajectory controller does with points that carry all three.

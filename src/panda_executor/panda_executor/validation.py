@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from panda_executor.errors import TrajectoryError
-from panda_executor.limits import FloatArray, JointLimits
 from panda_executor.scene import Scene
 from panda_executor.trajectory import JointTrajectory
+from panda_model.limits import FloatArray, JointLimits
 
 MAX_JOINT_STEP = 0.02  # between two configurations that are checked [rad]
 MAX_TCP_STEP = 0.01  # [m]
@@ -40,18 +40,18 @@ def validate_trajectory(
                 f"the arm is {mismatch:.3f} rad away from where the motion begins "
                 f"(at most {start_tolerance:g}); observe again before moving"
             )
-    fine = np.unique(
-        np.concatenate(
-            [
-                trajectory.times[:-1] + (trajectory.times[1:] - trajectory.times[:-1]) * i / _SUBSTEPS
-                for i in range(_SUBSTEPS)
-            ]
-            + [trajectory.times[-1:]]
-        )
-    )
-    position, velocity, acceleration, jerk = trajectory.sample(fine)
+    position, velocity, acceleration, jerk = trajectory.sample(_fine_times(trajectory.times))
     _check_limits(trajectory, limits, position, velocity, acceleration, jerk)
     _check_collisions(scene, dense_positions(position, scene))
+
+
+def _fine_times(times: FloatArray) -> FloatArray:
+    """Return the times (N,) [s] with `_SUBSTEPS` steps in place of each, in order."""
+    begins, spans = times[:-1], times[1:] - times[:-1]
+    fine = [times[-1:]]
+    for step in range(_SUBSTEPS):
+        fine.append(begins + spans * step / _SUBSTEPS)
+    return np.unique(np.concatenate(fine))
 
 
 def _check_form(trajectory: JointTrajectory) -> None:
@@ -93,7 +93,7 @@ def _check_limits(
 
 
 def dense_positions(positions: FloatArray, scene: Scene) -> FloatArray:
-    """Configurations along (N, 7) no further apart than 0.02 rad in any joint and 1 cm at the tcp: (M, 7)."""
+    """Return configurations (M, 7) along (N, 7) no further apart than 0.02 rad in any joint and 1 cm at the tcp."""
     tcp = np.array([scene.model.tcp_arrays(row)[1] for row in positions])
     joint_steps = np.abs(np.diff(positions, axis=0)).max(axis=1) / MAX_JOINT_STEP
     tcp_steps = np.linalg.norm(np.diff(tcp, axis=0), axis=1) / MAX_TCP_STEP

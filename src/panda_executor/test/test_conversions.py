@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import pytest
 from control_msgs.action import FollowJointTrajectory
@@ -11,17 +9,17 @@ from rclpy.serialization import deserialize_message, serialize_message
 from ros_clouds import raw_cloud
 from sensor_msgs.msg import PointCloud2
 
+from cliport_core.action import Primitive
+from cliport_core.messages import stamp_to_msg
+from cliport_core.outcome import Outcome
 from cliport_interfaces.action import PickPlace
-from cliport_perception.conversions import stamp_to_msg
-from cliport_perception.pose import PlanarPose
-from cliport_perception.primitive import Outcome, Primitive
 from panda_executor import conversions
 from panda_executor.cloud_cache import stamp_of_raw
 from panda_executor.errors import RequestError
 from panda_executor.health import HealthReport
-from panda_executor.presets import PRESETS
-from panda_executor.request import Phase, PickPlaceRequest, PickPlaceResult
-from panda_executor.trajectory import PANDA_JOINTS, JointTrajectory
+from panda_executor.phase import Phase
+from panda_executor.trajectory import JointTrajectory
+from panda_model import load_preset, preset_names
 
 FRAME = "panda_link0"
 STAMP = 1_700_000_000_123_456_789
@@ -45,11 +43,11 @@ def test_durations(seconds: float) -> None:
     assert conversions.duration_from_msg(message) == pytest.approx(seconds, abs=1e-9)
 
 
-@pytest.mark.parametrize("preset", PRESETS.values(), ids=PRESETS)
+@pytest.mark.parametrize("preset", [load_preset(name) for name in preset_names()], ids=preset_names())
 def test_trajectories(preset) -> None:
     random = np.random.default_rng(0)
     rows = [random.normal(size=(5, 7)) for _ in range(3)]
-    trajectory = JointTrajectory(PANDA_JOINTS, np.arange(5) * 0.02, *rows)
+    trajectory = JointTrajectory(load_preset().arm_joints, np.arange(5) * 0.02, *rows)
     message = conversions.trajectory_to_msg(trajectory, preset.arm_joints)
     assert tuple(message.joint_names) == preset.arm_joints
     assert (message.header.stamp.sec, message.header.stamp.nanosec) == (0, 0)
@@ -62,61 +60,6 @@ def test_trajectories(preset) -> None:
         np.testing.assert_allclose(getattr(back, name), getattr(trajectory, name), atol=1e-9)
     with pytest.raises(ValueError, match="nowhere"):
         conversions.trajectory_from_msg(message, ("nowhere",))
-
-
-@pytest.mark.parametrize("primitive", list(Primitive))
-@pytest.mark.parametrize("plan_only", [False, True])
-def test_requests(primitive: Primitive, plan_only: bool) -> None:
-    request = PickPlaceRequest(PlanarPose(0.45, 0.1, 0.7), PlanarPose(0.5, -0.2, -2.9), primitive, plan_only)
-    goal = conversions.request_to_msg(request, FRAME, STAMP)
-    assert conversions.goal_stamp(goal) == STAMP
-    back = conversions.request_from_msg(goal, FRAME)
-    assert (back.primitive, back.plan_only) == (primitive, plan_only)
-    for a, b in ((back.pick, request.pick), (back.place, request.place)):
-        assert (a.x, a.y, a.yaw) == pytest.approx((b.x, b.y, b.yaw))
-
-
-def bad_goal(**changes: object) -> PickPlace.Goal:
-    request = PickPlaceRequest(PlanarPose(0.45, 0.1, 0.0), PlanarPose(0.5, 0.0, 0.0))
-    goal = conversions.request_to_msg(request, FRAME)
-    for path, value in changes.items():
-        owner: object = goal
-        *parents, last = path.split("__")
-        for name in parents:
-            owner = getattr(owner, name)
-        setattr(owner, last, value)
-    return goal
-
-
-@pytest.mark.parametrize(
-    ("goal", "words"),
-    [
-        (bad_goal(header__frame_id="map"), "must be in frame 'panda_link0', got 'map'"),
-        (bad_goal(primitive=7), r"unknown primitive 7; known are 0 \(pick_place\), 1 \(sweep\), 2 \(fold\)"),
-        (bad_goal(pick__position__x=math.nan), "the pick pose cannot be used"),
-        (bad_goal(place__orientation__w=0.0), "the place pose cannot be used"),
-    ],
-)
-def test_goals_that_cannot_be_used(goal: PickPlace.Goal, words: str) -> None:
-    with pytest.raises(RequestError, match=words) as caught:
-        conversions.request_from_msg(goal, FRAME)
-    assert "\n" not in str(caught.value)
-
-
-def test_a_goal_without_a_frame_is_in_the_base() -> None:
-    assert conversions.request_from_msg(bad_goal(header__frame_id=""), FRAME).pick.x == 0.45
-
-
-@pytest.mark.parametrize("outcome", list(Outcome))
-def test_results(outcome: Outcome) -> None:
-    result = PickPlaceResult(outcome, "two\nlines  here", np.array([0.45, 0.1, 0.03]), 0.04)
-    message = conversions.result_to_msg(result)
-    assert message.message == "two lines here"
-    back = conversions.result_from_msg(message)
-    assert (back.outcome, back.gripper_width) == (outcome, 0.04)
-    np.testing.assert_array_equal(back.grasp_centroid, result.grasp_centroid)
-    none = conversions.result_from_msg(conversions.result_to_msg(PickPlaceResult(outcome, "", None, 0.0)))
-    assert none.grasp_centroid is None
 
 
 def test_feedback_and_diagnostics() -> None:

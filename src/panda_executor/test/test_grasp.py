@@ -8,11 +8,13 @@ import numpy as np
 import pytest
 from synthetic_clouds import Cube, cloud_of, table_points
 
-from cliport_perception.pose import PlanarPose
-from cliport_perception.workspace import WorkspaceSpec
+from cliport_core.pose import PlanarPose
+from cliport_core.workspace import WorkspaceSpec
 from panda_executor.errors import GraspError
 from panda_executor.grasp import Grasp, plan_grasps
-from panda_executor.hand_geometry import FINGERTIP_BELOW_TCP, MAX_OPENING
+from panda_model import load_preset
+
+HAND = load_preset().hand
 
 
 def first(cloud: np.ndarray, x: float, y: float, yaw: float, workspace: WorkspaceSpec) -> Grasp:
@@ -37,8 +39,8 @@ def test_a_turned_cube_seen_from_one_side(
     assert grasp.length == pytest.approx(0.04, abs=0.009)
     assert grasp.yaw == yaw
     assert grasp.support_z == 0.0
-    assert grasp.width < grasp.opening <= MAX_OPENING
-    assert FINGERTIP_BELOW_TCP < grasp.tcp_z < 0.03
+    assert grasp.width < grasp.opening <= HAND.opening
+    assert HAND.fingertip_below_tcp < grasp.tcp_z < 0.03
 
 
 @pytest.mark.parametrize(("dx", "dy"), [(0.015, 0.0), (-0.015, 0.01), (0.0, -0.018)])
@@ -67,12 +69,19 @@ def test_a_tall_object_is_held_near_its_top(workspace: WorkspaceSpec) -> None:
     assert 0.12 - 0.04 < tall.tcp_z < 0.12 - 0.01
 
 
+@pytest.mark.parametrize("side", [0.03, 0.05])
+def test_the_sides_of_a_tall_object_do_not_pull_its_grasp_down(workspace: WorkspaceSpec, side: float) -> None:
+    """A tilted camera sees them, in the same cells as the edge of the top."""
+    tall = first(cloud_of([Cube(0.45, 0.0, size=(side, side, 0.12))]), 0.45, 0.0, 0.0, workspace)
+    assert 0.118 < tall.centroid[2] <= 0.12
+
+
 def test_an_object_on_another_keeps_its_support(workspace: WorkspaceSpec) -> None:
     # a cube on a large low slab: the slab is what it stands on
     cloud = cloud_of([Cube(0.45, 0.0, size=(0.2, 0.2, 0.02)), Cube(0.45, 0.0, z=0.02)])
     grasp = first(cloud, 0.45, 0.0, 0.0, workspace)
     assert grasp.support_z == pytest.approx(0.02, abs=0.002)
-    assert grasp.tcp_z - FINGERTIP_BELOW_TCP > 0.02
+    assert grasp.tcp_z - HAND.fingertip_below_tcp > 0.02
 
 
 def test_missing_points_change_nothing(workspace: WorkspaceSpec) -> None:

@@ -17,11 +17,13 @@ from synthetic_clouds import (
     seen_cloud,
 )
 
-from cliport_perception.pose import PlanarPose
-from cliport_perception.workspace import WorkspaceSpec
+from cliport_core.pose import PlanarPose
+from cliport_core.workspace import WorkspaceSpec
 from panda_executor.errors import GraspError
 from panda_executor.grasp import Grasp, plan_grasps
-from panda_executor.hand_geometry import FINGER_THICKNESS, FINGERTIP_BELOW_TCP, MAX_OPENING
+from panda_model import load_preset
+
+HAND = load_preset().hand
 
 X, Y = 0.45, -0.1
 BASE, THICK = 0.01, 0.02  # heights of a stand and of a ring [m]
@@ -32,7 +34,7 @@ def first(cloud: np.ndarray, yaw: float, workspace: WorkspaceSpec, x: float = X,
 
 
 def tips(grasp: Grasp) -> float:
-    return grasp.tcp_z - FINGERTIP_BELOW_TCP
+    return grasp.tcp_z - HAND.fingertip_below_tcp
 
 
 def stand(rings: tuple[float, ...], seed: int = 0) -> np.ndarray:
@@ -74,8 +76,8 @@ def test_fingers_stay_above_what_they_would_close_over(workspace: WorkspaceSpec,
 def test_fingers_open_no_wider_than_their_way_in_is_free(workspace: WorkspaceSpec) -> None:
     neighbour = cube_points(Cube(X + 0.04 + 0.024, Y))
     grasp = first(seen_cloud(cube_points(Cube(X, Y)), neighbour), 0.0, workspace)
-    assert 0.041 < grasp.opening < MAX_OPENING
-    assert grasp.opening / 2 + FINGER_THICKNESS < 0.02 + 0.024
+    assert 0.041 < grasp.opening < HAND.opening
+    assert grasp.opening / 2 + HAND.finger_thickness < 0.02 + 0.024
     assert tips(grasp) < 0.02
 
 

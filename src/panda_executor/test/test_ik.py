@@ -9,9 +9,11 @@ import pytest
 
 from panda_executor.errors import InverseKinematicsError
 from panda_executor.ik import hand_down_pose, tilted, yaw_of_hand
-from panda_executor.limits import READY_POSITIONS
 from panda_executor.model import PandaModel
 from panda_executor.transfer import TransferPlanner
+from panda_model import load_preset
+
+READY_POSITIONS = load_preset().ready
 
 YAWS = (0.0, math.pi / 4, math.pi / 2, 3 * math.pi / 4)
 

@@ -7,11 +7,17 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
+from synthetic_clouds import CAMERA
 
 from panda_executor.errors import RobotDescriptionError
 from panda_executor.ik import hand_down_pose
-from panda_executor.limits import PANDA_LIMITS, READY_POSITIONS
-from panda_executor.model import HAND_FRAME, PandaModel, find_description
+from panda_executor.model import PandaModel
+from panda_executor.transfer import TransferPlanner
+from panda_model import load_preset
+from panda_model.description import load_description
+
+READY_POSITIONS = load_preset().ready
+PANDA_LIMITS = load_preset().limits
 
 RANDOM = np.random.default_rng(3)
 CONFIGURATIONS = RANDOM.uniform(PANDA_LIMITS.lower, PANDA_LIMITS.upper, (12, 7))
@@ -47,8 +53,10 @@ def test_pose_and_arrays_agree_and_rotations_are_proper(model: PandaModel) -> No
 
 def test_the_tcp_is_between_the_fingertips(model: PandaModel) -> None:
     for positions in CONFIGURATIONS:
-        hand, tcp = model.frame_pose(HAND_FRAME, positions), model.tcp_pose(positions)
-        np.testing.assert_allclose((hand.inverse() @ tcp).translation, [0.0, 0.0, 0.1034], atol=1e-9)
+        hand, tcp = model.frame_pose(model.arm.hand_frame, positions), model.tcp_pose(positions)
+        np.testing.assert_allclose(
+            (hand.inverse() @ tcp).translation, [0.0, 0.0, model.arm.hand.tcp_from_hand], atol=1e-9
+        )
 
 
 def test_the_ready_pose_looks_down_and_is_free(model: PandaModel) -> None:
@@ -78,18 +86,57 @@ def test_the_camera_post_stands_in_the_way(planner, model: PandaModel) -> None:
     assert "camera" in (model.colliding_pair(stretched) or "")
 
 
-def test_what_is_missing_is_named(model: PandaModel, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    assert (find_description() / "srdf" / "panda.srdf").is_file()
+def test_a_camera_that_is_placed_elsewhere_is_no_longer_in_the_way() -> None:
+    planner = TransferPlanner(PandaModel())
+    stretched = np.array([0.0, 0.77, 0.0, -0.6, 0.0, 3.26, 0.785])
+    assert planner.model.colliding_pair(stretched) is None, "nobody has said where the camera is"
+    planner.place_camera(CAMERA)
+    assert "camera" in (planner.model.colliding_pair(stretched) or "")
+    boxes = len(planner.model.geometry.geometryObjects)
+    planner.place_camera(np.array([0.0, 1.2, 0.87]))
+    assert planner.model.colliding_pair(stretched) is None
+    planner.place_camera(CAMERA)
+    assert "camera" in (planner.model.colliding_pair(stretched) or "")
+    assert len(planner.model.geometry.geometryObjects) == boxes
+
+
+def test_an_unknown_frame_is_named(model: PandaModel) -> None:
     with pytest.raises(RobotDescriptionError, match="no frame 'panda_tail'"):
         model.frame_pose("panda_tail", READY_POSITIONS)
-    missing = "panda_executor.model.metadata.distribution"
 
-    def not_installed(name: str) -> None:
-        from importlib.metadata import PackageNotFoundError
 
-        raise PackageNotFoundError(name)
+def test_the_fr3_stands_where_the_panda_does_but_keeps_its_own_names_and_limits(model: PandaModel) -> None:
+    fr3 = PandaModel(load_preset("fr3"))
+    for positions in CONFIGURATIONS:
+        np.testing.assert_array_equal(fr3.tcp_pose(positions).translation, model.tcp_pose(positions).translation)
+    assert not fr3.in_collision(fr3.arm.ready)
+    assert fr3.frame_pose("fr3_hand", fr3.arm.ready).is_close(model.frame_pose("panda_hand", fr3.arm.ready))
+    assert fr3.limits.upper[5] == 4.5169
 
-    monkeypatch.setattr(missing, not_installed)
-    monkeypatch.setenv("AMENT_PREFIX_PATH", str(tmp_path))
-    with pytest.raises(RobotDescriptionError, match="install the package 'example-robot-data'"):
-        find_description()
+
+def test_the_users_own_description_is_what_the_model_moves(tmp_path: Path) -> None:
+    arm = load_preset("fr3")
+    shipped = load_description(arm)
+    longer = shipped.urdf.replace('"panda_', '"fr3_').replace('xyz="0 0 0.333"', 'xyz="0 0 0.4"')
+    longer = longer.replace("package://", f"{shipped.package_folders[0]}/")
+    assert longer.count('xyz="0 0 0.4"') == 1
+    path = tmp_path / "mine.urdf"
+    path.write_text(longer)
+    for given in (longer, str(path)):
+        own = PandaModel(arm, description=load_description(arm, given))
+        rise = own.tcp_pose(arm.ready).translation - PandaModel(arm).tcp_pose(arm.ready).translation
+        np.testing.assert_allclose(rise, [0.0, 0.0, 0.067], atol=1e-9)
+        planner = TransferPlanner(own)
+        assert not own.in_collision(arm.ready)
+        down, _ = planner.ik.refine(hand_down_pose(0.5, 0.0, -0.02, 0.0), arm.ready)
+        assert "table" in (own.colliding_pair(down) or "")
+
+
+def test_a_description_that_is_no_arm_ends_in_words() -> None:
+    arm = load_preset()
+    no_joints = "<robot name='x'>" + "".join(
+        f'<link name="{name}"/>' for name in (arm.base_frame, arm.hand_frame, arm.tcp_frame)
+    )
+    with pytest.raises(RobotDescriptionError, match="the robot description cannot be used") as caught:
+        PandaModel(arm, description=load_description(arm, no_joints + "</robot"))
+    assert "\n" not in str(caught.value)

@@ -8,11 +8,13 @@ import numpy as np
 import pytest
 from synthetic_clouds import Bowl, Cube, cloud_of, container_points, cube_points, ring_points, seen_cloud
 
-from cliport_perception.pose import PlanarPose
-from cliport_perception.workspace import WorkspaceSpec
+from cliport_core.pose import PlanarPose
+from cliport_core.workspace import WorkspaceSpec
 from panda_executor.grasp import Grasp, plan_grasps
-from panda_executor.hand_geometry import FINGERTIP_BELOW_TCP, MAX_OPENING
 from panda_executor.placement import PlacementConfig, plan_placement
+from panda_model import load_preset
+
+HAND = load_preset().hand
 
 CONFIG = PlacementConfig()
 
@@ -26,9 +28,9 @@ def grasp(workspace: WorkspaceSpec) -> Grasp:
 def test_on_the_bare_table(grasp: Grasp, workspace: WorkspaceSpec, yaw: float) -> None:
     placement = plan_placement(cloud_of([]), PlanarPose(0.5, -0.2, yaw), yaw, grasp, workspace)
     assert (placement.x, placement.y, placement.yaw) == (0.5, -0.2, yaw)
-    assert placement.tcp_z - grasp.tcp_z == pytest.approx(CONFIG.drop, abs=0.001)
+    assert placement.tcp_z - grasp.tcp_z == pytest.approx(CONFIG.release_gap, abs=0.001)
     assert placement.support_z == pytest.approx(0.0, abs=1e-6)
-    assert grasp.width < placement.opening <= MAX_OPENING
+    assert grasp.width < placement.opening <= HAND.opening
 
 
 def test_where_nothing_was_seen_it_is_the_table(grasp: Grasp, workspace: WorkspaceSpec) -> None:
@@ -40,7 +42,7 @@ def test_where_nothing_was_seen_it_is_the_table(grasp: Grasp, workspace: Workspa
 def test_on_top_of_another_cube(grasp: Grasp, workspace: WorkspaceSpec) -> None:
     placement = plan_placement(cloud_of([Cube(0.5, -0.2)]), PlanarPose(0.5, -0.2, 0.0), 0.0, grasp, workspace)
     assert placement.support_z == pytest.approx(0.04, abs=0.001)
-    assert placement.tcp_z == pytest.approx(0.04 + grasp.tcp_z + CONFIG.drop, abs=0.002)
+    assert placement.tcp_z == pytest.approx(0.04 + grasp.tcp_z + CONFIG.release_gap, abs=0.002)
 
 
 @pytest.mark.parametrize("along", [0.015, 0.02, -0.02])
@@ -49,7 +51,7 @@ def test_the_fingers_stay_above_a_rim(grasp: Grasp, workspace: WorkspaceSpec, al
     bowl = Bowl(0.5, -0.2)
     place = PlanarPose(bowl.x + along * math.cos(yaw), bowl.y + along * math.sin(yaw), yaw)
     placement = plan_placement(cloud_of([], [bowl]), place, yaw, grasp, workspace)
-    assert placement.tcp_z - FINGERTIP_BELOW_TCP >= bowl.height + CONFIG.finger_clearance - 1e-6
+    assert placement.tcp_z - HAND.fingertip_below_tcp >= bowl.height + CONFIG.finger_clearance - 1e-6
 
 
 def test_the_object_falls_a_bowls_depth_at_most(grasp: Grasp, workspace: WorkspaceSpec) -> None:
@@ -82,7 +84,7 @@ def test_between_walls_without_room_the_fingers_stay_above_them(workspace: Works
     cloud = seen_cloud(container_points(0.45, -0.2, 0.092, 0.122, yaw))  # 10 mm to each wall
     place = PlanarPose(0.45, -0.2, yaw)
     placement = plan_placement(cloud, place, yaw, grasp, workspace)
-    tips = placement.tcp_z - FINGERTIP_BELOW_TCP
+    tips = placement.tcp_z - HAND.fingertip_below_tcp
     assert 0.05 + 0.002 < tips < 0.05 + 0.01
     assert placement.fall > 0.01
     higher = grasp.raised(placement.fall)
@@ -117,5 +119,6 @@ def test_a_ring_goes_over_a_peg(workspace: WorkspaceSpec) -> None:
     placement = plan_placement(seen_cloud(peg), PlanarPose(0.45, -0.2, 0.4), 0.4, grasp, workspace)
     assert placement.support_z < 0.004  # not on the peg's top
     held = grasp.held()
-    assert np.hypot(*held.surface()[:, :2].T).min() > 0.01  # and the checks leave the hole free
-    assert np.hypot(*held.surface()[:, :2].T).max() == pytest.approx(0.028, abs=0.003)
+    distance = np.hypot(*held.surface(HAND.palm_above_tcp)[:, :2].T)
+    assert distance.min() > 0.01  # and the checks leave the hole free
+    assert distance.max() == pytest.approx(0.028, abs=0.003)

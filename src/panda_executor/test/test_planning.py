@@ -3,27 +3,31 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 import pytest
 from synthetic_clouds import Bowl, Cube, cloud_of, container_points, cube_points, ring_points, seen_cloud
 
-from cliport_perception.pose import PlanarPose
-from cliport_perception.primitive import Primitive
-from cliport_perception.workspace import WorkspaceSpec
+from cliport_core.action import PickPlaceAction, Primitive
+from cliport_core.pose import PlanarPose
+from cliport_core.workspace import WorkspaceSpec
 from panda_executor.config import SearchConfig
 from panda_executor.drag import plan_drag
 from panda_executor.errors import GraspError, PlanningError
 from panda_executor.hand_geometry import HandShape
 from panda_executor.ik import hand_down_pose, yaw_of_hand
-from panda_executor.limits import READY_POSITIONS, FloatArray
 from panda_executor.motions import Motion
 from panda_executor.obstacle_grid import BORDER, ObstacleGrid
 from panda_executor.path_search import find_path, line_is_free
-from panda_executor.request import Phase, PickPlaceRequest
+from panda_executor.phase import Phase
 from panda_executor.scene import Scene
-from panda_executor.transfer import PickPlacePlan, TransferPlanner
+from panda_executor.transfer import TransferPlanner
+from panda_executor.transfer_attempts import PickPlacePlan
+from panda_model import FloatArray, load_preset
+
+READY_POSITIONS = load_preset().ready
 
 
 def check_densely(motion: Motion) -> None:
@@ -55,7 +59,7 @@ def scene_with_wall(planner: TransferPlanner, x_min: float, x_max: float, height
     x, z = np.meshgrid(np.arange(x_min, x_max, 0.002), np.arange(0.0, height, 0.01))
     wall = [np.stack([x, 0 * x + y, z], axis=-1).reshape(-1, 3) for y in np.arange(-0.006, 0.007, 0.003)]
     cloud = np.concatenate(wall).astype(np.float32)
-    return planner.scene(ObstacleGrid.from_cloud(cloud, WorkspaceSpec(), 0.012), HandShape())
+    return planner.scene(ObstacleGrid.from_cloud(cloud, WorkspaceSpec(), 0.012), HandShape(load_preset().hand))
 
 
 def test_a_wall_is_gone_round(planner: TransferPlanner, walled: Scene) -> None:
@@ -125,12 +129,27 @@ def test_a_straight_motion_keeps_to_its_line(planner: TransferPlanner, free_scen
         np.testing.assert_allclose(np.abs(a), np.abs(b), atol=1e-6)
 
 
+@pytest.mark.parametrize("speed", [None, 0.1])
+def test_a_straight_motion_near_things_is_slow(
+    planner: TransferPlanner, free_scene: Scene, speed: float | None
+) -> None:
+    start = above(planner, 0.5, 0.1, 0.35)
+    motion = planner.motions.straight(Phase.DESCEND, start, hand_down_pose(0.5, 0.1, 0.02, 0.0), free_scene, speed)
+    assert motion is not None
+    times = np.linspace(0.0, motion.trajectory.duration, 400)
+    tcp = np.array([planner.model.tcp_arrays(q)[1] for q in motion.trajectory.sample(times)[0]])
+    fastest = float((np.linalg.norm(np.diff(tcp, axis=0), axis=1) / np.diff(times)).max())
+    limit = planner.config.timing.tcp_speed_near if speed is None else speed
+    assert 0.8 * limit < fastest < 1.02 * limit
+    assert planner.config.timing.tcp_speed_near <= 0.25 < planner.config.timing.tcp_speed
+
+
 def test_a_straight_motion_into_the_table_is_none(planner: TransferPlanner, free_scene: Scene) -> None:
     start = above(planner, 0.5, 0.1, 0.2)
     assert planner.motions.straight(Phase.DESCEND, start, hand_down_pose(0.5, 0.1, -0.01, 0.0), free_scene) is None
 
 
-def scene_of(seed: int) -> tuple[np.ndarray, PickPlaceRequest]:
+def scene_of(seed: int) -> tuple[np.ndarray, PickPlaceAction]:
     """Two cubes and a bowl far enough apart; the first cube is to go into the bowl."""
     random = np.random.default_rng(seed)
     spots: list[np.ndarray] = []
@@ -142,20 +161,20 @@ def scene_of(seed: int) -> tuple[np.ndarray, PickPlaceRequest]:
     cubes = [Cube(float(x), float(y), float(yaw)) for (x, y), yaw in zip(spots[:2], yaws, strict=True)]
     bowl = Bowl(float(spots[2][0]), float(spots[2][1]))
     pick = PlanarPose(cubes[0].x, cubes[0].y, cubes[0].yaw)
-    return cloud_of(cubes, [bowl], 0.001, seed), PickPlaceRequest(pick, PlanarPose(bowl.x, bowl.y, float(yaws[1])))
+    return cloud_of(cubes, [bowl], 0.001, seed), PickPlaceAction(pick, PlanarPose(bowl.x, bowl.y, float(yaws[1])))
 
 
 @pytest.mark.parametrize("seed", range(8))
 def test_plans_hold_when_checked_densely(planner: TransferPlanner, workspace: WorkspaceSpec, seed: int) -> None:
-    cloud, request = scene_of(seed)
-    plan = planner.plan(request, cloud, workspace, READY_POSITIONS)
+    cloud, action = scene_of(seed)
+    plan = planner.plan(action, cloud, workspace, READY_POSITIONS)
     here = READY_POSITIONS
     for motion in plan.motions:
         np.testing.assert_allclose(motion.trajectory.start, here, atol=1e-6)
         check_densely(motion)
         here = motion.trajectory.end
     np.testing.assert_allclose(here, planner.ready, atol=1e-6)
-    check_ends(planner, request, plan)
+    check_ends(planner, action, plan)
 
 
 @pytest.mark.parametrize("seed", range(10))
@@ -166,7 +185,7 @@ def test_a_bowl_is_not_touched_wherever_the_object_goes_in(
     x, y = np.array([0.5, -0.2]) + random.uniform(-0.02, 0.02, 2)
     cloud = cloud_of([Cube(0.45, 0.1)], [Bowl(0.5, -0.2)])
     place = PlanarPose(float(x), float(y), float(random.uniform(-math.pi, math.pi)))
-    plan = planner.plan(PickPlaceRequest(PlanarPose(0.45, 0.1, 0.0), place), cloud, workspace, READY_POSITIONS)
+    plan = planner.plan(PickPlaceAction(PlanarPose(0.45, 0.1, 0.0), place), cloud, workspace, READY_POSITIONS)
     bowl = ObstacleGrid.from_cloud(cloud_of([], [Bowl(0.5, -0.2)]), workspace, 0.012)
     for motion in (plan.lower, plan.leave):
         for positions in motion.trajectory.positions:
@@ -179,8 +198,8 @@ def test_a_ring_goes_from_peg_to_peg(planner: TransferPlanner, workspace: Worksp
     things = [cube_points(Cube(x, y, size=(0.12, 0.12, 0.01))) for y in pegs]
     things += [ring_points(x, y, 0.01, 0.005, 0.0, 0.03) for y in pegs]
     things += [ring_points(x, pegs[0], 0.01, 0.035), ring_points(x, pegs[0], 0.03, 0.03)]
-    request = PickPlaceRequest(PlanarPose(x, pegs[0], 0.0), PlanarPose(x, pegs[2], 0.4))
-    plan = planner.plan(request, seen_cloud(*things), workspace, READY_POSITIONS)
+    action = PickPlaceAction(PlanarPose(x, pegs[0], 0.0), PlanarPose(x, pegs[2], 0.4))
+    plan = planner.plan(action, seen_cloud(*things), workspace, READY_POSITIONS)
     for motion in plan.motions:
         check_densely(motion)
     underside = plan.placement.tcp_z - (plan.grasp.tcp_z - plan.grasp.support_z)
@@ -193,65 +212,80 @@ def test_a_box_goes_between_walls_and_another(planner: TransferPlanner, workspac
     other = cube_points(Cube(x - 0.04, y, size=(0.05, 0.1, 0.05), z=0.002))
     box = cube_points(Cube(0.45, 0.2, 0.3, (0.07, 0.1, 0.05)))
     cloud = seen_cloud(container_points(x, y, 0.152, 0.122), other, box)
-    request = PickPlaceRequest(PlanarPose(0.45, 0.2, 0.3), PlanarPose(x + 0.03, y, 0.0))
-    plan = planner.plan(request, cloud, workspace, READY_POSITIONS)
+    action = PickPlaceAction(PlanarPose(0.45, 0.2, 0.3), PlanarPose(x + 0.03, y, 0.0))
+    plan = planner.plan(action, cloud, workspace, READY_POSITIONS)
     for motion in plan.motions:
         check_densely(motion)
     underside = plan.placement.tcp_z - (plan.grasp.tcp_z - plan.grasp.support_z)
     assert 0.002 < underside < 0.022
 
 
-def check_ends(planner: TransferPlanner, request: PickPlaceRequest, plan: PickPlacePlan) -> None:
+def check_ends(planner: TransferPlanner, action: PickPlaceAction, plan: PickPlacePlan) -> None:
     """The hand stops at the grasp and at the place, pointing down, turned as asked."""
     pick = planner.model.tcp_pose(plan.descend.trajectory.end)
     place = planner.model.tcp_pose(plan.lower.trajectory.end)
     for pose in (pick, place):
         assert pose.rotation[2, 2] == pytest.approx(-1.0, abs=1e-5)
     np.testing.assert_allclose(pick.translation, [*plan.grasp.centroid[:2], plan.grasp.tcp_z], atol=1e-4)
-    np.testing.assert_allclose(place.translation[:2], [request.place.x, request.place.y], atol=1e-4)
-    turned = yaw_of_hand(place) - yaw_of_hand(pick) - (request.place.yaw - request.pick.yaw)
+    np.testing.assert_allclose(place.translation[:2], [action.place.x, action.place.y], atol=1e-4)
+    turned = yaw_of_hand(place) - yaw_of_hand(pick) - (action.place.yaw - action.pick.yaw)
     assert math.cos(turned) == pytest.approx(1.0, abs=1e-6)
 
 
+@pytest.mark.parametrize("centred", [True, False])
+def test_a_pick_beside_the_middle_is_centred_or_its_offset_kept(
+    planner: TransferPlanner, workspace: WorkspaceSpec, table_cloud: np.ndarray, centred: bool
+) -> None:
+    """The cube's middle goes to the place, or as far from it as the pick was off, turned with the cube."""
+    pick, place = PlanarPose(0.45, 0.109, 0.2), PlanarPose(0.5, -0.2, 0.9)
+    hand = TransferPlanner(planner.model, replace(planner.config, centre_grasp=centred))
+    plan = hand.plan(PickPlaceAction(pick, place), table_cloud, workspace, READY_POSITIONS)
+    middle = PlanarPose(float(plan.grasp.centroid[0]), float(plan.grasp.centroid[1]), pick.yaw)
+    assert math.hypot(middle.x - pick.x, middle.y - pick.y) > 0.006
+    goes_to = place if centred else place @ pick.inverse() @ middle
+    end = planner.model.tcp_pose(plan.lower.trajectory.end)
+    np.testing.assert_allclose(end.translation[:2], [goes_to.x, goes_to.y], atol=1e-4)
+
+
 def test_no_plan_has_a_reason(planner: TransferPlanner, workspace: WorkspaceSpec, table_cloud: np.ndarray) -> None:
-    request = PickPlaceRequest(PlanarPose(0.6, 0.3, 0.0), PlanarPose(0.5, -0.2, 0.0))
+    action = PickPlaceAction(PlanarPose(0.6, 0.3, 0.0), PlanarPose(0.5, -0.2, 0.0))
     with pytest.raises(GraspError, match="nothing rises"):
-        planner.plan(request, table_cloud, workspace, READY_POSITIONS)
+        planner.plan(action, table_cloud, workspace, READY_POSITIONS)
 
 
 def test_a_place_under_a_tower_is_refused(planner: TransferPlanner, workspace: WorkspaceSpec) -> None:
     towers = [Cube(0.45 + dx, -0.2 + dy, size=(0.04, 0.04, 0.2)) for dx in (-0.06, 0.06) for dy in (-0.06, 0.06)]
-    request = PickPlaceRequest(PlanarPose(0.45, 0.15, 0.0), PlanarPose(0.45, -0.2, 0.0))
+    action = PickPlaceAction(PlanarPose(0.45, 0.15, 0.0), PlanarPose(0.45, -0.2, 0.0))
     with pytest.raises(PlanningError, match="no room for hand and object at the place") as caught:
-        planner.plan(request, cloud_of([Cube(0.45, 0.15), *towers]), workspace, READY_POSITIONS)
+        planner.plan(action, cloud_of([Cube(0.45, 0.15), *towers]), workspace, READY_POSITIONS)
     assert "\n" not in str(caught.value)
 
 
 def test_planning_ends_when_its_time_is_up(model, workspace: WorkspaceSpec, table_cloud: np.ndarray) -> None:
     late = TransferPlanner(model, clock=iter(range(0, 1000, 100)).__next__)
-    request = PickPlaceRequest(PlanarPose(0.45, 0.1, 0.3), PlanarPose(0.5, -0.2, 0.3))
+    action = PickPlaceAction(PlanarPose(0.45, 0.1, 0.3), PlanarPose(0.5, -0.2, 0.3))
     with pytest.raises(PlanningError, match="planning took too long"):
-        late.plan(request, table_cloud, workspace, READY_POSITIONS)
+        late.plan(action, table_cloud, workspace, READY_POSITIONS)
 
 
 @pytest.mark.parametrize("primitive", [Primitive.SWEEP, Primitive.FOLD])
 def test_a_drag_follows_the_table(planner: TransferPlanner, workspace: WorkspaceSpec, primitive: Primitive) -> None:
-    request = PickPlaceRequest(PlanarPose(0.45, -0.1, 0.0), PlanarPose(0.5, 0.1, 0.5), primitive)
-    plan = plan_drag(planner, request, cloud_of([Cube(0.46, 0.0)]), workspace, READY_POSITIONS)
+    action = PickPlaceAction(PlanarPose(0.45, -0.1, 0.0), PlanarPose(0.5, 0.1, 0.5), primitive)
+    plan = plan_drag(planner, action, cloud_of([Cube(0.46, 0.0)]), workspace, READY_POSITIONS)
     for motion in (plan.go_above, plan.descend, plan.drag, plan.leave, plan.retreat):
         check_densely(motion)
     tcp = np.array([planner.model.tcp_arrays(q)[1] for q in plan.drag.trajectory.positions])
     assert np.ptp(tcp[:, 2]) < 0.002
     np.testing.assert_allclose(tcp[[0, -1], :2], [[0.45, -0.1], [0.5, 0.1]], atol=1e-4)
-    assert plan.opening == (0.0 if primitive is Primitive.SWEEP else planner.config.drag.fold_opening)
+    assert plan.opening == (0.0 if primitive is Primitive.SWEEP else planner.config.hand.fold_opening)
     assert (plan.lift is None) == (primitive is Primitive.SWEEP)
 
 
 def test_a_drag_stops_at_something_tall(planner: TransferPlanner, workspace: WorkspaceSpec) -> None:
-    request = PickPlaceRequest(PlanarPose(0.45, -0.15, 0.0), PlanarPose(0.45, 0.15, 0.0), Primitive.SWEEP)
+    action = PickPlaceAction(PlanarPose(0.45, -0.15, 0.0), PlanarPose(0.45, 0.15, 0.0), Primitive.SWEEP)
     cloud = cloud_of([Cube(0.45, 0.0, size=(0.04, 0.04, 0.15))])
     with pytest.raises(PlanningError, match="sweep from the pick to the place"):
-        plan_drag(planner, request, cloud, workspace, READY_POSITIONS)
+        plan_drag(planner, action, cloud, workspace, READY_POSITIONS)
 
 
 def test_columns_hold_what_was_seen(workspace: WorkspaceSpec) -> None:

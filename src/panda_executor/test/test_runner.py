@@ -9,20 +9,23 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
+from fake_ports import FakeArm, FakeGripper
 
-from cliport_perception.pose import PlanarPose
-from cliport_perception.primitive import Outcome, Primitive
-from cliport_perception.workspace import WorkspaceSpec
+from cliport_core.action import ActionGoal, PickPlaceAction, Primitive
+from cliport_core.outcome import ActionResult, Outcome
+from cliport_core.pose import PlanarPose
+from cliport_core.workspace import WorkspaceSpec
 from panda_executor.errors import PortError
-from panda_executor.fakes import FakeArm, FakeGripper
-from panda_executor.limits import READY_POSITIONS, FloatArray
+from panda_executor.phase import Phase
 from panda_executor.ports import GripperResult, MotionResult, MotionStatus, ShouldStop
-from panda_executor.request import Phase, PickPlaceRequest, PickPlaceResult
 from panda_executor.runner import PickPlaceRunner
 from panda_executor.transfer import TransferPlanner
+from panda_model import FloatArray, load_preset
+
+READY_POSITIONS = load_preset().ready
 
 PICK, PLACE = PlanarPose(0.45, 0.1, 0.3), PlanarPose(0.5, -0.2, 0.3)
-REQUEST = PickPlaceRequest(PICK, PLACE)
+GOAL = ActionGoal(PickPlaceAction(PICK, PLACE))
 MOTIONS = (
     Phase.GO_ABOVE_PICK, Phase.DESCEND, Phase.RAISE, Phase.CARRY, Phase.LOWER, Phase.RETREAT, Phase.RETREAT,
 )  # fmt: skip
@@ -40,9 +43,9 @@ class Bench:
     phases: list[tuple[Phase, float]]
     stop: bool = False
 
-    def run(self, request: PickPlaceRequest = REQUEST, cloud: np.ndarray | None = None) -> PickPlaceResult:
+    def run(self, goal: ActionGoal = GOAL, cloud: np.ndarray | None = None) -> ActionResult:
         result = self.runner.run(
-            request, self.cloud if cloud is None else cloud, WorkspaceSpec(), self.on_phase, lambda: self.stop
+            goal, self.cloud if cloud is None else cloud, WorkspaceSpec(), self.on_phase, lambda: self.stop
         )
         assert result.message
         assert "\n" not in result.message
@@ -86,7 +89,7 @@ def test_succeeded(bench: Bench) -> None:
 
 
 def test_planned_moves_nothing(bench: Bench) -> None:
-    result = bench.run(replace(REQUEST, plan_only=True))
+    result = bench.run(replace(GOAL, plan_only=True))
     assert result.outcome is Outcome.PLANNED
     assert "7 motions" in result.message
     assert bench.commands == (0, 0)
@@ -96,15 +99,15 @@ def test_planned_moves_nothing(bench: Bench) -> None:
 @pytest.mark.parametrize("primitive", [Primitive.SWEEP, Primitive.FOLD])
 @pytest.mark.parametrize("plan_only", [False, True])
 def test_drags(bench: Bench, primitive: Primitive, plan_only: bool) -> None:
-    request = PickPlaceRequest(PlanarPose(0.35, 0.0, 0.0), PlanarPose(0.35, 0.2, 0.0), primitive, plan_only)
-    result = bench.run(request)
+    action = PickPlaceAction(PlanarPose(0.35, 0.0, 0.0), PlanarPose(0.35, 0.2, 0.0), primitive)
+    result = bench.run(ActionGoal(action, plan_only=plan_only))
     assert result.outcome is (Outcome.PLANNED if plan_only else Outcome.SUCCEEDED), result.message
     assert primitive.name.lower() in result.message
     motions = 6 if primitive is Primitive.FOLD else 5  # a fold has a small lift
     assert len(bench.arm.sent) == (0 if plan_only else motions)
 
 
-FOLD = PickPlaceRequest(PlanarPose(0.35, 0.0, 0.0), PlanarPose(0.35, 0.2, 0.0), Primitive.FOLD)
+FOLD = ActionGoal(PickPlaceAction(PlanarPose(0.35, 0.0, 0.0), PlanarPose(0.35, 0.2, 0.0), Primitive.FOLD))
 
 
 def test_a_fold_that_holds_nothing_goes_up_again_and_home(bench: Bench) -> None:
@@ -114,7 +117,7 @@ def test_a_fold_that_holds_nothing_goes_up_again_and_home(bench: Bench) -> None:
     assert "closed on nothing" in result.message
     assert len(bench.arm.sent) == 4  # above, down, up, home
     np.testing.assert_allclose(bench.arm.positions, READY_POSITIONS, atol=1e-6)
-    assert bench.gripper.moves[-1] == bench.runner.config.drag.fold_opening
+    assert bench.gripper.moves[-1] == bench.runner.config.hand.fold_opening
 
 
 def test_a_fold_lets_go_among_neighbours(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -144,17 +147,17 @@ def test_a_fold_that_loses_its_bead_says_so(bench: Bench) -> None:
 
 
 @pytest.mark.parametrize(
-    ("request_", "words"),
+    ("action", "words"),
     [
-        (PickPlaceRequest(PlanarPose(0.9, 0.1, 0.0), PLACE), r"the pick \(0\.900, 0\.100\) m is outside the workspace"),
-        (PickPlaceRequest(PICK, PlanarPose(0.5, -0.41, 0.0)), r"the place .* y -0\.4\.\.0\.4 m"),
-        (PickPlaceRequest(PlanarPose(math.nan, 0.1, 0.0), PLACE), "the pick pose is not finite"),
-        (PickPlaceRequest(PICK, PlanarPose(0.5, 0.0, math.inf)), "the place pose is not finite"),
+        (PickPlaceAction(PlanarPose(0.9, 0.1, 0.0), PLACE), r"the pick \(0\.900, 0\.100\) m is outside the workspace"),
+        (PickPlaceAction(PICK, PlanarPose(0.5, -0.41, 0.0)), r"the place .* y -0\.4\.\.0\.4 m"),
+        (PickPlaceAction(PlanarPose(math.nan, 0.1, 0.0), PLACE), "the pick pose is not finite"),
+        (PickPlaceAction(PICK, PlanarPose(0.5, 0.0, math.inf)), "the place pose is not finite"),
     ],
 )
 @pytest.mark.parametrize("primitive", list(Primitive))
-def test_rejected_requests(bench: Bench, request_: PickPlaceRequest, words: str, primitive: Primitive) -> None:
-    result = bench.run(replace(request_, primitive=primitive))
+def test_rejected_requests(bench: Bench, action: PickPlaceAction, words: str, primitive: Primitive) -> None:
+    result = bench.run(ActionGoal(replace(action, primitive=primitive)))
     assert result.outcome is Outcome.REJECTED
     assert pytest.approx(result.gripper_width) == 0.02
     assert bench.commands == (0, 0)
@@ -180,14 +183,14 @@ def test_rejected_joint_positions(bench: Bench) -> None:
 
 def test_rejected_out_of_reach(bench: Bench) -> None:
     far = replace(WorkspaceSpec(), x_max=1.2)
-    request = PickPlaceRequest(PICK, PlanarPose(1.1, 0.0, 0.0))
-    result = bench.runner.run(request, bench.cloud, far)
+    action = PickPlaceAction(PICK, PlanarPose(1.1, 0.0, 0.0))
+    result = bench.runner.run(ActionGoal(action), bench.cloud, far)
     assert (result.outcome, bench.commands) == (Outcome.REJECTED, (0, 0))
     assert "the place (1.100, 0.000) m is out of reach" in result.message
 
 
 def test_planning_failed(bench: Bench) -> None:
-    result = bench.run(PickPlaceRequest(PlanarPose(0.6, 0.3, 0.0), PLACE))
+    result = bench.run(ActionGoal(PickPlaceAction(PlanarPose(0.6, 0.3, 0.0), PLACE)))
     assert (result.outcome, bench.commands) == (Outcome.PLANNING_FAILED, (0, 0))
     assert "nothing rises" in result.message
 
@@ -246,6 +249,12 @@ def test_nothing_is_sent_from_elsewhere(bench: Bench, number: int) -> None:
     assert result.outcome is Outcome.EXECUTION_FAILED
     assert "was not sent: the arm is 0.050 rad away" in result.message
     assert len(bench.arm.sent) == number + 1
+
+
+@pytest.mark.parametrize(("width", "outcome"), [(0.003, Outcome.GRASP_MISSED), (0.008, Outcome.SUCCEEDED)])
+def test_fingers_that_are_nearly_closed_hold_nothing(bench: Bench, width: float, outcome: Outcome) -> None:
+    bench.gripper.object_width = width
+    assert bench.run().outcome is outcome
 
 
 def test_grasp_missed(bench: Bench) -> None:

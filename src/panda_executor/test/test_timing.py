@@ -7,10 +7,12 @@ import pytest
 
 from panda_executor.config import ExecutorConfig
 from panda_executor.errors import TrajectoryError
-from panda_executor.limits import PANDA_LIMITS, JointLimits
 from panda_executor.model import PandaModel
 from panda_executor.motions import _rounded
 from panda_executor.timing import time_path
+from panda_model import JointLimits, load_preset
+
+PANDA_LIMITS = load_preset().limits
 
 FULL = PANDA_LIMITS
 USUAL = ExecutorConfig().motion_limits(PANDA_LIMITS)

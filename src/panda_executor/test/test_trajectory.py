@@ -6,15 +6,18 @@ import numpy as np
 import pytest
 
 from panda_executor.errors import TrajectoryError
-from panda_executor.limits import FR3_LIMITS, PANDA_LIMITS
-from panda_executor.trajectory import PANDA_JOINTS, JointTrajectory
+from panda_executor.trajectory import JointTrajectory
+from panda_model import load_preset
+
+PANDA_LIMITS = load_preset().limits
+FR3_LIMITS = load_preset("fr3").limits
 
 
 @pytest.fixture
 def trajectory() -> JointTrajectory:
     random = np.random.default_rng(0)
     times = np.concatenate([[0.0], np.cumsum(random.uniform(0.05, 0.3, 6))])
-    return JointTrajectory(PANDA_JOINTS, times, *(random.normal(size=(7, 7)) for _ in range(3)))
+    return JointTrajectory(load_preset().arm_joints, times, *(random.normal(size=(7, 7)) for _ in range(3)))
 
 
 def test_the_points_are_on_the_curve(trajectory: JointTrajectory) -> None:
@@ -43,13 +46,13 @@ def test_outside_its_times_it_rests_at_its_ends(trajectory: JointTrajectory) -> 
 def test_too_small_ones_are_refused(points: int, joints: int) -> None:
     rows = np.zeros((points, joints))
     with pytest.raises(TrajectoryError, match="two points or more of 7 joints"):
-        JointTrajectory(PANDA_JOINTS[:joints], np.arange(float(points)), rows, rows, rows)
+        JointTrajectory(load_preset().arm_joints[:joints], np.arange(float(points)), rows, rows, rows)
 
 
 def test_unequal_shapes_are_refused() -> None:
     rows = np.zeros((3, 7))
     with pytest.raises(TrajectoryError, match=r"velocities have shape \(2, 7\), expected \(3, 7\)"):
-        JointTrajectory(PANDA_JOINTS, np.arange(3.0), rows, rows[:2], rows)
+        JointTrajectory(load_preset().arm_joints, np.arange(3.0), rows, rows[:2], rows)
 
 
 @pytest.mark.parametrize("limits", [PANDA_LIMITS, FR3_LIMITS])

@@ -9,7 +9,6 @@ import pytest
 
 from panda_executor.errors import TrajectoryError
 from panda_executor.ik import hand_down_pose
-from panda_executor.limits import PANDA_LIMITS, READY_POSITIONS, FloatArray
 from panda_executor.model import PandaModel
 from panda_executor.obstacle_grid import ObstacleGrid
 from panda_executor.scene import Scene
@@ -17,6 +16,10 @@ from panda_executor.timing import time_path
 from panda_executor.trajectory import JointTrajectory
 from panda_executor.transfer import TransferPlanner
 from panda_executor.validation import MAX_JOINT_STEP, MAX_TCP_STEP, dense_positions, validate_trajectory
+from panda_model import FloatArray, load_preset
+
+READY_POSITIONS = load_preset().ready
+PANDA_LIMITS = load_preset().limits
 
 ASIDE = READY_POSITIONS + np.array([0.4, 0.1, 0.0, 0.1, 0.0, 0.1, 0.3])
 
@@ -74,6 +77,13 @@ def test_positions_beyond_a_joint_limit(model: PandaModel, free_scene: Scene, jo
     refuse(motion, free_scene, rf"panda_joint{joint + 1} would pass its position limit by 0\.050 rad")
 
 
+def test_only_the_last_point_beyond_a_joint_limit(good: JointTrajectory, free_scene: Scene) -> None:
+    positions = good.positions.copy()
+    positions[:, 6] = PANDA_LIMITS.upper[6] - 0.5
+    positions[-1, 6] = PANDA_LIMITS.upper[6] + 0.02  # three quarters of the way there it is within
+    refuse(replace(good, positions=positions), free_scene, r"panda_joint7 would pass its position limit by 0\.020 rad")
+
+
 def test_motions_that_are_too_fast(good: JointTrajectory, free_scene: Scene) -> None:
     def faster(factor: float) -> JointTrajectory:
         return replace(
@@ -108,6 +118,18 @@ def test_a_way_through_an_object(planner: TransferPlanner, model: PandaModel, fr
     validate_trajectory(motion, PANDA_LIMITS, free_scene)
     post = np.repeat([[0.5, 0.0, 0.2]], 5, axis=0).astype(np.float32)  # one column, 5 mm wide
     refuse(motion, free_scene.with_grid(ObstacleGrid.from_cloud(post, workspace, 0.012)), "hand would touch")
+
+
+def test_only_the_end_touches_the_table(planner: TransferPlanner, model: PandaModel, free_scene: Scene) -> None:
+    guess = READY_POSITIONS
+    for z in np.arange(0.05, -0.05, -0.001):
+        guess, _ = planner.ik.refine(hand_down_pose(0.5, 0.0, float(z), 0.0), guess)
+        if not free_scene.is_valid(guess):
+            break
+    motion = time_path(np.stack([READY_POSITIONS, guess]), PANDA_LIMITS.scaled(0.5, 0.5, 0.5), model, 1.0)
+    way = dense_positions(motion.positions, free_scene)
+    assert [free_scene.is_valid(positions) for positions in way] == [True] * (len(way) - 1) + [False]
+    refuse(motion, free_scene, "on the way .*table")
 
 
 def test_dense_positions_are_dense_and_keep_the_ends(free_scene: Scene, model: PandaModel) -> None:

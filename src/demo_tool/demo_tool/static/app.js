@@ -3,11 +3,14 @@
 import { Connection } from "./connection.js";
 import { Episodes } from "./episodes.js";
 import { LivePicture } from "./live.js";
-import { byId, press, say } from "./page.js";
+import { button, buttons, byId, press, say, wordsOf } from "./page.js";
 import { Panel } from "./panel.js";
 import { Stage } from "./stage.js";
 import { setUpStopping } from "./stopping.js";
 
+/** @import { Call, View } from "./protocol" */
+
+/** @type {Record<View["state"] | "connecting", [sign: string, name: string]>} */
 const STATES = {
   connecting: ["…", "Connecting"],
   waiting_for_camera: ["…", "Waiting for the camera"],
@@ -20,6 +23,7 @@ const STATES = {
   failed: ["✗", "Failed"],
   stopped: ["■", "Stopped"],
 };
+/** @type {Record<string, string>} */
 const SIDE_WORDS = {
   heightmap: "The table from above, as someone behind the robot sees it.",
   pick_affordance: "Where the policy would pick, seen from behind the robot.",
@@ -29,12 +33,15 @@ const SAID_TWICE = /^(?:Ready|Planning|Executing|Recording|Proposing|Stopped): (
 const CLOCKS_APART_MS = 60000; // the camera's stamps are then of another clock, as in a simulation
 
 const connection = new Connection();
-const tell = (error) => panel.answer(false, error.message);
-const call = (command, args) => connection.call(command, args);
-const stage = new Stage(byId("overlay"), (end, { box, rotation }) => call(end, { box, rotation }).catch(tell));
+/** @type {(error: unknown) => void} */
+const tell = (error) => panel.answer(false, wordsOf(error));
+/** @type {Call} */
+const call = (command, ...args) => connection.call(command, ...args);
+const stage = new Stage(byId("overlay", SVGSVGElement), (end, drawn) => call(end, drawn).catch(tell));
 const panel = new Panel(call, stage);
 const episodes = new Episodes(call);
 
+/** @param {{ state: keyof typeof STATES, words: string }} view */
 function showState({ state, words }) {
   const [sign, name] = STATES[state] ?? ["?", state];
   byId("state").dataset.state = state;
@@ -43,6 +50,7 @@ function showState({ state, words }) {
   document.title = `${sign} ${name} – Demonstrate`;
 }
 
+/** @param {View} view */
 function showHolder({ holder, may_take_over: mayTakeOver, pages }) {
   byId("watching").hidden = holder === "me";
   byId("take-over").hidden = !mayTakeOver;
@@ -52,16 +60,18 @@ function showHolder({ holder, may_take_over: mayTakeOver, pages }) {
     : "No page holds the arm.");
 }
 
+/** @param {boolean} open */
 function showConnection(open) {
   byId("lost").hidden = open;
   document.body.classList.toggle("offline", !open);
 }
 
+/** @param {View} view */
 function show(view) {
   showState(view);
   showHolder(view);
   byId("stopped").hidden = view.state !== "stopped";
-  byId("resume").disabled = view.holder !== "me";
+  button("resume").disabled = view.holder !== "me";
   byId("no-picture").hidden = view.camera.age_ms !== null;
   byId("stage").style.aspectRatio = `${view.camera.width || 16} / ${view.camera.height || 9}`;
   byId("stage").classList.toggle("empty", view.camera.age_ms === null);
@@ -73,7 +83,7 @@ function show(view) {
   episodes.show(view, connection.open);
 }
 
-connection.addEventListener("view", () => show(connection.view));
+connection.onView = show;
 connection.addEventListener("open", () => showConnection(true));
 connection.addEventListener("lost", () => {
   showConnection(false);
@@ -84,20 +94,21 @@ connection.addEventListener("lost", () => {
 
 // pictures
 
-const live = new LivePicture(byId("live"), ({ ageMs, perSecond, width }) => {
+const live = new LivePicture(byId("live", HTMLCanvasElement), ({ ageMs, perSecond, width }) => {
   const age = Math.abs(ageMs) < CLOCKS_APART_MS ? `${Math.max(0, Math.round(ageMs))} ms old, ` : "";
   say(byId("live-words"), `Picture ${age}${perSecond.toFixed(0)} a second, ${width} pixels wide.`);
   window.dispatchEvent(new CustomEvent("livepicture", { detail: { ageMs } }));
 });
-const side = new LivePicture(byId("side"), () => {
+const side = new LivePicture(byId("side", HTMLCanvasElement), () => {
   byId("side").hidden = false;
   say(byId("side-words"), SIDE_WORDS[chosenSide]);
 });
 let chosenSide = "";
 
+/** @param {string} name */
 function chooseSide(name) {
   chosenSide = name;
-  for (const button of byId("side-choice").children) press(button, button.dataset.picture === name);
+  for (const choice of buttons("#side-choice button")) press(choice, choice.dataset.picture === name);
   byId("side").hidden = true;
   byId("side").setAttribute("aria-label", SIDE_WORDS[name] ?? "");
   byId("side-figure").hidden = !name;
@@ -105,12 +116,13 @@ function chooseSide(name) {
   side.show(name);
 }
 
-for (const button of byId("side-choice").children) {
-  button.addEventListener("click", () => chooseSide(button.dataset.picture));
+for (const choice of buttons("#side-choice button")) {
+  choice.addEventListener("click", () => chooseSide(choice.dataset.picture ?? ""));
 }
 
 // parts of the page
 
+/** @param {"record" | "episodes"} part */
 function open(part) {
   byId("record").hidden = part !== "record";
   byId("episodes").hidden = part !== "episodes";

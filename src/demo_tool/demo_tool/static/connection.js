@@ -1,5 +1,9 @@
 // The websocket to the server: keeps itself alive, hands out the state, carries commands and their answers.
 
+/** @import { Answer, CommandName, Given, Message, View } from "./protocol" */
+
+/** @typedef {{ resolve: (answer: any) => void, reject: (error: Error) => void, timer: number }} Waiting */
+
 const SILENCE_MS = 5000; // the server says something every second
 const RETRY_MS = [200, 500, 1000, 2000];
 const ANSWER_MS = 15000;
@@ -23,28 +27,40 @@ function pageName(fresh = false) {
 }
 
 export class Connection extends EventTarget {
+  /** @type {WebSocket | null} */
   #socket = null;
   #page = pageName();
   #number = 0;
+  /** @type {Map<number, Waiting>} */
   #waiting = new Map();
   #failures = 0;
   #silence = 0;
-  view = {};
+  /** @type {Partial<View>} */
+  #view = {};
   open = false;
+  /** @type {(view: View) => void} called with the whole view whenever something of it changed */
+  onView = () => {};
 
   connect() {
     const scheme = location.protocol === "https:" ? "wss" : "ws";
     const socket = new WebSocket(`${scheme}://${location.host}/session?page=${this.#page}`);
     this.#socket = socket;
-    this.#watchSilence();
-    socket.onmessage = (event) => this.#take(JSON.parse(event.data));
+    this.#watchSilence(socket);
+    socket.onmessage = (event) => this.#take(socket, JSON.parse(event.data));
     socket.onclose = (event) => this.#closed(socket, event.code);
   }
 
-  /** Ask the station for something; resolves with its answer, rejects with an Error that has words for a person. */
-  call(command, args = {}) {
+  /**
+   * Ask the station for something; resolves with its answer, rejects with an Error that has words for a person.
+   * @template {CommandName} Name
+   * @param {Name} command
+   * @param {Given<Name>} given
+   * @returns {Promise<Answer<Name>>}
+   */
+  call(command, ...given) {
     return new Promise((resolve, reject) => {
-      if (!this.open) {
+      const socket = this.#socket;
+      if (!this.open || !socket) {
         reject(new Error("There is no connection to the server: nothing was sent."));
         return;
       }
@@ -54,7 +70,7 @@ export class Connection extends EventTarget {
         reject(new Error("The server did not answer in time."));
       }, COPYING.includes(command) ? COPIED_MS : ANSWER_MS);
       this.#waiting.set(id, { resolve, reject, timer });
-      this.#socket.send(JSON.stringify({ id, command, arguments: args }));
+      socket.send(JSON.stringify({ id, command, arguments: given[0] ?? {} }));
     });
   }
 
@@ -68,16 +84,20 @@ export class Connection extends EventTarget {
     });
   }
 
-  #take(message) {
-    this.#watchSilence();
+  /**
+   * @param {WebSocket} socket
+   * @param {Message} message
+   */
+  #take(socket, message) {
+    this.#watchSilence(socket);
     if ("view" in message) {
-      Object.assign(this.view, message.view);
+      Object.assign(this.#view, message.view);
       if (!this.open) {
         this.open = true;
         this.#failures = 0;
         this.dispatchEvent(new Event("open"));
       }
-      this.dispatchEvent(new CustomEvent("view", { detail: message.view }));
+      this.onView(/** @type {View} */ (this.#view)); // the first message of a connection has all of it
       return;
     }
     const waiting = this.#waiting.get(message.id);
@@ -88,15 +108,19 @@ export class Connection extends EventTarget {
     else waiting.reject(new Error(message.error));
   }
 
-  #watchSilence() {
+  /** @param {WebSocket} socket */
+  #watchSilence(socket) {
     clearTimeout(this.#silence);
-    const socket = this.#socket;
     this.#silence = setTimeout(() => {
       socket.close();
       this.#closed(socket, 1006); // a dead link would answer the close much later
     }, SILENCE_MS);
   }
 
+  /**
+   * @param {WebSocket} socket
+   * @param {number} code
+   */
   #closed(socket, code) {
     if (socket !== this.#socket) return;
     this.#socket = null;
@@ -109,7 +133,7 @@ export class Connection extends EventTarget {
     if (code === OPENED_AGAIN) this.#page = pageName(true); // a duplicate of this tab has the old name now
     const wasOpen = this.open;
     this.open = false;
-    this.view = {};
+    this.#view = {};
     if (wasOpen) this.dispatchEvent(new Event("lost"));
     const delay = RETRY_MS[Math.min(this.#failures++, RETRY_MS.length - 1)];
     setTimeout(() => this.connect(), delay);

@@ -2,20 +2,50 @@
 
 import { ringAround } from "./geometry.js";
 
+/** @import { Box, Grasp, Pixel } from "./protocol" */
+/** @import { Ring } from "./geometry.js" */
+/** @import { Shown } from "./draft.js" */
+
 const SVG = "http://www.w3.org/2000/svg";
 
+/**
+ * @param {string} tag
+ * @param {Record<string, string | number>} attributes
+ * @param {string} [text]
+ */
 function make(tag, attributes, text) {
   const element = document.createElementNS(SVG, tag);
-  for (const [name, value] of Object.entries(attributes)) element.setAttribute(name, value);
+  for (const [name, value] of Object.entries(attributes)) element.setAttribute(name, String(value));
   if (text) element.textContent = text;
   return element;
 }
 
-/** A line drawn twice: a light one beneath, so that it shows on any picture. */
+/**
+ * A line drawn twice: a light one beneath, so that it shows on any picture.
+ * @param {string} tag
+ * @param {string} className
+ * @param {Record<string, string | number>} attributes
+ */
 function haloed(tag, className, attributes) {
   return [make(tag, { ...attributes, class: `halo ${className}` }), make(tag, { ...attributes, class: className })];
 }
 
+/**
+ * Squares on a box's corners, by which it can be taken.
+ * @param {Box} box
+ * @param {number} pixel
+ */
+function drawGrips([top, left, bottom, right], pixel) {
+  const size = 8 * pixel;
+  return [[left, top], [right, top], [left, bottom], [right, bottom]].map(([x = 0, y = 0]) =>
+    make("rect", { x: x - size / 2, y: y - size / 2, width: size, height: size, class: "grip" }));
+}
+
+/**
+ * @param {Box} box
+ * @param {string} letter
+ * @param {number} pixel
+ */
 function drawBox([top, left, bottom, right], letter, pixel) {
   const place = { x: left, y: top, width: right - left, height: bottom - top };
   const size = 18 * pixel;
@@ -27,6 +57,10 @@ function drawBox([top, left, bottom, right], letter, pixel) {
   ];
 }
 
+/**
+ * @param {Grasp} grasp
+ * @param {number} pixel
+ */
 function drawGrasp(grasp, pixel) {
   const dots = grasp.cloud_pixels.map(([row, column]) => `M${column} ${row}h0`).join("");
   const [row, column] = grasp.centroid_pixel;
@@ -35,14 +69,23 @@ function drawGrasp(grasp, pixel) {
   return [make("path", { d: dots, class: "cloud" }), ...haloed("path", "centroid", { d: cross })];
 }
 
+/** @param {Pixel[][]} footprint */
 function drawFingers(footprint) {
   return footprint.flatMap((corners) =>
     haloed("polygon", "finger", { points: corners.map(([row, column]) => `${column},${row}`).join(" ") }));
 }
 
+/**
+ * @param {Ring} ring
+ * @param {Pixel[]} directions
+ * @param {number} rotation
+ * @param {number} pixel
+ */
 function drawRing(ring, directions, rotation, pixel) {
+  /** @type {(index: number, inner: number, outer: number) => string} */
   const tick = (index, inner, outer) => {
     const [row, column] = directions[index];
+    /** @param {number} share */
     const at = (share) => `${ring.x + share * ring.radius * column} ${ring.y + share * ring.radius * row}`;
     return `M${at(inner)}L${at(outer)}`;
   };
@@ -57,7 +100,13 @@ function drawRing(ring, directions, rotation, pixel) {
   ];
 }
 
-/** The SVG elements for one end of the draft. shown: {box, rotation, judged}; active: with the ring around it. */
+/**
+ * The SVG elements for one end of the draft.
+ * @param {Shown} shown
+ * @param {string} letter
+ * @param {boolean} active with its grips, and the ring around it
+ * @param {number} pixel picture pixels per pixel of the screen
+ */
 export function drawEnd(shown, letter, active, pixel) {
   const parts = [];
   if (shown.judged) {
@@ -65,14 +114,20 @@ export function drawEnd(shown, letter, active, pixel) {
     parts.push(...drawFingers(shown.judged.footprint));
   }
   parts.push(...drawBox(shown.box, letter, pixel));
-  if (active && shown.directions) {
-    const ring = ringAround(shown.box, shown.judged?.grasp?.centroid_pixel, pixel);
+  if (active) parts.push(...drawGrips(shown.box, pixel));
+  if (active && shown.directions.length) {
+    const ring = ringAround(shown.box, shown.middle, pixel);
     parts.push(...drawRing(ring, shown.directions, shown.rotation, pixel));
   }
   return parts;
 }
 
-/** A box that is being drawn. */
+/**
+ * A box that is being drawn.
+ * @param {Box} box
+ * @param {string} letter
+ * @param {number} pixel
+ */
 export function drawSketch(box, letter, pixel) {
   const parts = drawBox(box, letter, pixel);
   parts.forEach((part) => part.classList.add("sketch"));

@@ -2,17 +2,23 @@
 
 import { DataSets } from "./datasets.js";
 import { EpisodeView } from "./episode.js";
-import { askFirst, byId, element, say } from "./page.js";
+import { askFirst, button, buttons, byId, element, one, say, wordsOf } from "./page.js";
 import { statisticsParts } from "./statistics.js";
 
+/** @import { Call, CommandName, EpisodeInfo, Given, View } from "./protocol" */
+
+/** @type {Map<boolean | null, string>} */
 const RESULTS = new Map([[true, "✓ success"], [false, "✗ failure"], [null, "not marked"]]);
 const NAME = /^(\d{4})(\d\d)(\d\d)-(\d\d)(\d\d)/;
 
-/** "21 Nov 13:15" for an episode's name, where it is one that the recorder gave. */
+/**
+ * "21 Nov 13:15" for an episode's name, where it is one that the recorder gave.
+ * @param {string} name
+ */
 function when(name) {
   const found = NAME.exec(name);
   if (!found) return name;
-  const [year, month, day, hour, minute] = found.slice(1).map(Number);
+  const [year = 0, month = 1, day = 1, hour = 0, minute = 0] = found.slice(1).map(Number);
   const date = new Date(year, month - 1, day, hour, minute);
   return date.toLocaleString(undefined, { day: "numeric", month: "short", hour: "2-digit", minute: "2-digit" });
 }
@@ -21,21 +27,27 @@ export class Episodes extends EventTarget {
   #call;
   #one;
   #others;
+  /** @type {string | null} */
   #dataSet = null;
   #mine = false;
   #shown = false;
 
+  /** @param {Call} call */
   constructor(call) {
     super();
     this.#call = call;
-    this.#one = new EpisodeView(byId("one-episode"), (command, args) => this.#edit(command, args));
-    this.#others = new DataSets((command, args) => this.#edit(command, args), (words) => this.#say(false, words));
+    this.#one = new EpisodeView(byId("one-episode"), (command, ...args) => this.#edit(command, ...args));
+    this.#others = new DataSets((command, ...args) => this.#edit(command, ...args), (words) => this.#say(false, words));
     byId("episodes-refresh").addEventListener("click", () => this.refresh());
     byId("data-set-other").addEventListener("click", () => this.dispatchEvent(new Event("another-data-set")));
     byId("count").addEventListener("click", () => this.#count());
-    askFirst(byId("empty-trash"), "Delete for good: sure?", () => this.#edit("empty_trash"));
+    askFirst(button("empty-trash"), "Delete for good: sure?", () => this.#edit("empty_trash"));
   }
 
+  /**
+   * @param {View} view
+   * @param {boolean} open whether there is a connection
+   */
   show(view, open) {
     const mine = open && view.holder === "me";
     if (mine !== this.#mine) {
@@ -56,15 +68,16 @@ export class Episodes extends EventTarget {
     this.#shown = true;
     say(byId("episodes-title"), this.#dataSet ? `Episodes of ${this.#dataSet}` : "Episodes");
     try {
-      const [{ episodes }, { trashed }] = await Promise.all([this.#call("episodes"), this.#call("trash")]);
+      const [{ episodes }, { trashed, undone_steps: undone }] = await Promise.all([this.#call("episodes"), this.#call("trash")]);
       this.#list(episodes);
-      this.#listTrash(trashed);
+      this.#listTrash(trashed, undone);
       this.#allow();
     } catch (error) {
-      this.#say(false, error.message);
+      this.#say(false, wordsOf(error));
     }
   }
 
+  /** @param {EpisodeInfo[]} episodes */
   #list(episodes) {
     const rows = episodes.map((info) => {
       const open = element("button", { type: "button", "aria-label": `Open episode ${info.name}` }, "Open");
@@ -78,45 +91,57 @@ export class Episodes extends EventTarget {
         element("td", {}, open));
     });
     const none = element("tr", {}, element("td", { colSpan: 5 }, "No episode yet."));
-    byId("episode-table").tBodies[0].replaceChildren(...(rows.length ? rows.reverse() : [none]));
+    one("#episode-table tbody").replaceChildren(...(rows.length ? rows.reverse() : [none]));
   }
 
-  #listTrash(names) {
+  /**
+   * @param {string[]} names
+   * @param {number} undone how many undone steps are kept
+   */
+  #listTrash(names, undone) {
     byId("trash").replaceChildren(...names.map((name) => {
       const restore = element("button", { type: "button", className: "edits", "aria-label": `Restore episode ${name}` }, "Restore");
       restore.addEventListener("click", () => this.#edit("restore", { name }));
       return element("li", {}, `${when(name)} `, restore);
     }));
-    if (!names.length) byId("trash").replaceChildren(element("li", {}, "The trash is empty."));
-    byId("empty-trash").hidden = !names.length;
+    if (undone) byId("trash").append(element("li", {}, `${undone} undone ${undone === 1 ? "step" : "steps"}`));
+    if (!names.length && !undone) byId("trash").replaceChildren(element("li", {}, "The trash is empty."));
+    byId("empty-trash").hidden = !names.length && !undone;
   }
 
   /** Only the page that holds the arm edits. */
   #allow() {
-    byId("empty-trash").disabled = !this.#mine;
-    byId("data-set-other").disabled = !this.#mine;
-    for (const button of document.querySelectorAll("#episodes .edits")) button.disabled = !this.#mine;
+    button("empty-trash").disabled = !this.#mine;
+    button("data-set-other").disabled = !this.#mine;
+    for (const control of buttons("#episodes .edits")) control.disabled = !this.#mine;
   }
 
+  /** @param {string} name */
   async #open(name) {
     try {
-      this.#one.open(await this.#call("episode", { name }), this.#dataSet);
+      const episode = await this.#call("episode", { name });
+      if (this.#dataSet !== null) this.#one.open(episode, this.#dataSet);
       this.#allow();
     } catch (error) {
-      this.#say(false, error.message);
+      this.#say(false, wordsOf(error));
     }
   }
 
-  async #edit(command, args = {}) {
+  /**
+   * @template {CommandName} Name
+   * @param {Name} command
+   * @param {Given<Name>} given
+   */
+  async #edit(command, ...given) {
     this.#say(true, "…");
     try {
-      const answer = await this.#call(command, args);
-      this.#say(true, answer?.words ?? "Done.");
+      const answer = await this.#call(command, ...given);
+      this.#say(true, answer && "words" in answer && answer.words || "Done.");
       await this.refresh();
       if (command === "delete") this.#one.close();
-      else if (this.#one.name && args.name === this.#one.name) await this.#open(args.name);
+      else if (this.#one.name) await this.#open(this.#one.name);
     } catch (error) {
-      this.#say(false, error.message);
+      this.#say(false, wordsOf(error));
     }
   }
 
@@ -126,12 +151,16 @@ export class Episodes extends EventTarget {
       const address = `/statistics.png?at=${Date.now()}`;
       byId("statistics").replaceChildren(...statisticsParts(statistics, address));
     } catch (error) {
-      this.#say(false, error.message);
+      this.#say(false, wordsOf(error));
     }
   }
 
+  /**
+   * @param {boolean} ok
+   * @param {string} words
+   */
   #say(ok, words) {
-    byId("episodes-answer").dataset.ok = ok;
+    byId("episodes-answer").dataset.ok = String(ok);
     say(byId("episodes-answer"), ok ? words : `✗ ${words}`);
   }
 }

@@ -3,20 +3,29 @@
 const RETRY_MS = 1000;
 const SMOOTHING = 0.4;
 
+/** @typedef {{ ageMs: number, perSecond: number, width: number }} Arrived */
+
 export class LivePicture {
   #canvas;
   #onPicture;
   #name = "";
+  /** @type {AbortController | null} */
   #running = null;
 
-  /** onPicture({ageMs, perSecond, width}) is called after each. */
+  /**
+   * @param {HTMLCanvasElement} canvas
+   * @param {(arrived: Arrived) => void} onPicture is called after each
+   */
   constructor(canvas, onPicture) {
     this.#canvas = canvas;
     this.#onPicture = onPicture;
     document.addEventListener("visibilitychange", () => this.show(this.#name));
   }
 
-  /** Show the named picture from now on; an empty name shows none. */
+  /**
+   * Show the named picture from now on; an empty name shows none.
+   * @param {string} name
+   */
   show(name) {
     this.#running?.abort();
     this.#running = null;
@@ -27,17 +36,27 @@ export class LivePicture {
     }
   }
 
+  /**
+   * @param {string} name
+   * @param {AbortSignal} signal
+   */
   async #poll(name, signal) {
-    let after = 0, level = "", took = null, perSecond = 0, last = 0;
+    let after = 0, perSecond = 0, last = 0;
+    /** @type {string | null} */
+    let level = null;
+    /** @type {number | null} */
+    let took = null;
     while (!signal.aborted) {
       try {
         const width = Math.max(160, Math.ceil(this.#canvas.clientWidth * devicePixelRatio));
-        const known = level === "" ? "" : `&level=${level}&took=${Math.round(took)}`;
+        const known = level === null || took === null ? "" : `&level=${level}&took=${Math.round(took)}`;
+        /** @type {Response} */
         const answer = await fetch(`/picture/${name}.jpg?after=${after}&width=${Math.min(width, 4096)}${known}`, { signal });
         if (answer.status === 204) continue;
         if (!answer.ok) throw new Error(answer.statusText);
         const began = performance.now();
         const file = await answer.blob();
+        /** @type {number} */
         const ms = performance.now() - began;
         took = took === null ? ms : took + SMOOTHING * (ms - took);
         const picture = await createImageBitmap(file);
@@ -58,11 +77,12 @@ export class LivePicture {
     }
   }
 
+  /** @param {ImageBitmap} picture */
   #draw(picture) {
     if (this.#canvas.width !== picture.width || this.#canvas.height !== picture.height) {
       this.#canvas.width = picture.width;
       this.#canvas.height = picture.height;
     }
-    this.#canvas.getContext("2d").drawImage(picture, 0, 0);
+    this.#canvas.getContext("2d")?.drawImage(picture, 0, 0);
   }
 }

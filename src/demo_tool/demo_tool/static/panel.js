@@ -1,7 +1,11 @@
 // The panel beside the picture: instruction, primitive, both ends, execute, the episode, the policy.
 
-import { askFirst, byId, element, press, say, suggest } from "./page.js";
+import { all, askFirst, button, buttons, byId, element, input, one, press, say, suggest, wordsOf } from "./page.js";
 
+/** @import { Call, CommandName, EndName, Given, Primitive, SeenDraft, View } from "./protocol" */
+/** @import { Stage } from "./stage.js" */
+
+/** @type {Record<Primitive, Record<EndName, string>>} */
 const NAMES = {
   pick_place: { pick: "Pick", place: "Place" },
   sweep: { pick: "Start", place: "End" },
@@ -14,10 +18,18 @@ const LONGEST_INSTRUCTION = 500;
 export class Panel {
   #call;
   #stage;
+  /** @type {View | null} */
   #view = null;
+  #open = false; // whether there is a connection
   #typing = 0; // the timer that sends what was typed
+  /** @type {string | null} what stands in the field and was not taken by the server, refused or not sent yet */
+  #typed = null;
   #askingDataSet = false;
 
+  /**
+   * @param {Call} call
+   * @param {Stage} stage
+   */
   constructor(call, stage) {
     this.#call = call;
     this.#stage = stage;
@@ -27,10 +39,14 @@ export class Panel {
     this.#listenToButtons();
   }
 
-  /** Say how something ended. */
+  /**
+   * Say how something ended.
+   * @param {boolean} ok
+   * @param {string} words
+   */
   answer(ok, words) {
     const place = byId("answer");
-    place.dataset.ok = ok;
+    place.dataset.ok = String(ok);
     say(place, words && !ok ? `✗ ${words}` : words);
   }
 
@@ -42,92 +58,112 @@ export class Panel {
   }
 
   disable() {
-    for (const control of document.querySelectorAll(".panel button, .panel input, #instruction")) control.disabled = true;
+    this.#open = false;
+    for (const control of buttons(".panel button")) control.disabled = true;
+    for (const control of all(".panel input, #instruction", HTMLInputElement)) control.disabled = true;
   }
 
+  /**
+   * @param {View} view
+   * @param {boolean} open whether there is a connection
+   */
   show(view, open) {
     const before = this.#view;
     this.#view = { ...view };
-    const mine = open && view.holder === "me";
-    const idle = mine && !BUSY.includes(view.state);
-    this.#enable(mine, idle, view);
+    this.#open = open;
     this.#showInstruction(view);
+    this.#enable(view);
     this.#showDataSet();
     this.#showEpisode(view);
     this.#showPolicy(view);
     this.#showEnds();
     this.#showPlan(view);
-    for (const button of byId("primitive").children) press(button, button.dataset.primitive === view.primitive);
+    for (const choice of buttons("#primitive button")) press(choice, choice.dataset.primitive === view.primitive);
     if (!before || before.last !== view.last || before.state !== view.state) this.#showLast(view);
   }
 
-  /** What was said last, unless it stands beside a box, in the verdict or at the top already. */
+  /**
+   * What was said last, unless it stands beside a box, in the verdict or at the top already.
+   * @param {View} view
+   */
   #showLast({ last, draft, words, state, plan }) {
     if (BUSY.includes(state) || (plan && last.words.endsWith(plan.words))) {
       this.answer(true, "");
       return;
     }
-    const beside = [draft.pick?.words, draft.place?.words].filter(Boolean);
-    const said = beside.some((text) => last.words.endsWith(text)) || words.toLowerCase().startsWith(last.words.toLowerCase());
+    const said = [draft.pick, draft.place].some((end) => end?.words && last.words.endsWith(end.words)) || words.toLowerCase().startsWith(last.words.toLowerCase());
     this.answer(last.ok, said ? "" : last.words);
   }
 
-  #enable(mine, idle, view) {
+  /** @param {View} view */
+  #enable(view) {
+    const mine = this.#open && view.holder === "me";
+    const idle = mine && !BUSY.includes(view.state);
     const { pick, place } = view.draft;
+    const text = (this.#typed ?? view.instruction).trim();
     const steps = view.episode?.steps.length ?? 0;
-    const whole = idle && pick && place && view.data_set && view.instruction;
+    const saved = view.unsaved === null;
+    const whole = idle && saved && pick && place && view.data_set && text;
     const allowed = {
-      instruction: mine, execute: whole && view.state !== "stopped", "record-only": whole,
+      execute: whole && view.state !== "stopped", "record-only": whole,
       preview: idle && pick && place && view.state !== "stopped", clear: idle && (pick || place),
-      undo: idle && steps > 0, success: mine && view.episode, failure: mine && view.episode,
-      "next-episode": idle && steps > 0, discard: idle && view.episode,
-      ask: idle && view.instruction && view.state !== "stopped", correct: idle && view.policy.proposal,
+      "save-again": idle, "drop-unsaved": idle, "restore-step": idle && saved,
+      undo: idle && saved && steps > 0, success: mine && view.episode, failure: mine && view.episode,
+      "next-episode": idle && saved && steps > 0, discard: idle && view.episode,
+      ask: idle && text && view.state !== "stopped", correct: idle && view.policy.proposal,
     };
-    for (const [id, may] of Object.entries(allowed)) byId(id).disabled = !may;
-    for (const button of document.querySelectorAll("#primitive button, #data-set-card button")) button.disabled = !idle;
-    for (const button of document.querySelectorAll(".end-name")) button.disabled = !idle;
-    byId("data-set").disabled = !idle;
+    for (const [id, may] of Object.entries(allowed)) button(id).disabled = !may;
+    for (const control of buttons("#primitive button, #data-set-card button, .end-name")) control.disabled = !idle;
+    input("instruction").disabled = !mine;
+    input("data-set").disabled = !idle;
   }
 
   // the step
 
+  /** @param {View} view */
   #showInstruction(view) {
-    const field = byId("instruction");
-    suggest(byId("history"), view.history);
-    if (!this.#typing && document.activeElement !== field) field.value = view.instruction;
+    const field = input("instruction");
+    suggest(byId("history", HTMLDataListElement), view.history);
+    if (view.holder !== "me") this.#typed = null;
+    if (this.#typed === null && document.activeElement !== field) field.value = view.instruction;
   }
 
   #showEnds() {
-    if (!this.#view) return;
-    for (const card of byId("ends").children) {
-      const end = card.dataset.end;
+    const view = this.#view;
+    if (!view) return;
+    for (const { card, end } of endCards()) {
       const shown = this.#stage.shown(end);
-      const name = NAMES[this.#view.primitive]?.[end] ?? end;
+      const name = one(".end-name", HTMLButtonElement, card);
       const chosen = end === this.#stage.active;
       card.classList.toggle("chosen", chosen);
-      press(card.querySelector(".end-name"), chosen);
-      say(card.querySelector(".end-name").lastChild, ` ${name}`);
-      say(card.querySelector(".end-angle"), shown ? `${shown.rotation * 360 / this.#view.n_rotations}°` : "");
-      for (const button of card.querySelectorAll(".turn")) button.disabled = !shown || !this.#stage.enabled || this.#view.primitive === "sweep";
-      const words = card.querySelector(".end-words");
+      press(name, chosen);
+      if (name.lastChild) say(name.lastChild, ` ${NAMES[view.primitive]?.[end] ?? end}`);
+      say(one(".end-angle", HTMLElement, card), shown ? `${shown.rotation * 360 / view.n_rotations}°` : "");
+      for (const turn of buttons(".turn", card)) turn.disabled = !shown || !this.#stage.enabled || view.primitive === "sweep";
+      const words = one(".end-words", HTMLElement, card);
       const bad = Boolean(shown?.judged && !shown.judged.grasp && !shown.judged.footprint.length);
       words.classList.toggle("bad", bad);
-      say(words, shown ? `${bad ? "✗ " : ""}${this.#turning(end, shown.rotation)}${shown.judged?.words ?? "…"}` : "No box yet.");
+      say(words, shown ? `${bad ? "✗ " : ""}${this.#turning(view, end, shown.rotation)}${shown.judged?.words ?? "…"}` : "No box yet.");
     }
-    say(byId("hint"), this.#hint());
+    say(byId("hint"), this.#hint(view));
   }
 
-  /** How far the object is turned on its way. */
-  #turning(end, rotation) {
+  /**
+   * How far the object is turned on its way.
+   * @param {View} view
+   * @param {EndName} end
+   * @param {number} rotation
+   */
+  #turning(view, end, rotation) {
     const pick = this.#stage.shown("pick");
     if (end === "pick" || !pick) return "";
-    const all = this.#view.n_rotations;
-    const ticks = (rotation - pick.rotation + all + all / 2) % all - all / 2;
-    return `Turns it by ${ticks > 0 ? "+" : ""}${ticks * 360 / all}°; `;
+    const turn = view.n_rotations;
+    const ticks = (rotation - pick.rotation + turn + turn / 2) % turn - turn / 2;
+    return `Turns it by ${ticks > 0 ? "+" : ""}${ticks * 360 / turn}°; `;
   }
 
-  #hint() {
-    const view = this.#view;
+  /** @param {View} view */
+  #hint(view) {
     if (view.holder !== "me") return "";
     if (BUSY.includes(view.state) || !this.#stage.enabled) return "";
     if (!view.data_set) return "First open a data set in the panel.";
@@ -136,11 +172,12 @@ export class Panel {
     const pick = this.#stage.shown("pick"), place = this.#stage.shown("place");
     if (!pick && !place) return `Drag a box around the ${names.pick.toLowerCase()} (A).`;
     if (pick && place && view.primitive === "sweep") return "The closed hand stands across its way. A new box replaces the chosen one.";
-    if (pick && place) return "Look at the fingers' outline. A click around a box turns them; a new box replaces the chosen one.";
+    if (pick && place) return "Look at the fingers' outline. The ring's knob turns them; boxes can be dragged by their middle, sides and corners.";
     const next = names[pick ? "place" : "pick"].toLowerCase();
-    return `Click around box ${active === "pick" ? "A" : "B"} to turn the fingers, or drag the ${next} box.`;
+    return `Drag the knob around box ${active === "pick" ? "A" : "B"} to turn the fingers, or drag a box around the ${next}.`;
   }
 
+  /** @param {View} view */
   #showPlan({ plan, state, phase, progress }) {
     const place = byId("plan");
     place.hidden = !plan;
@@ -148,7 +185,7 @@ export class Panel {
       place.classList.toggle("bad", !plan.reachable);
       say(place, `${plan.reachable ? "✓ Reachable" : "✗ Not reachable"}: ${plan.words}`);
     }
-    const bar = byId("progress");
+    const bar = byId("progress", HTMLProgressElement);
     bar.hidden = state !== "executing";
     bar.value = progress ?? 0;
     bar.setAttribute("aria-label", phase || "progress");
@@ -156,7 +193,11 @@ export class Panel {
 
   // the episode and the policy
 
-  #showEpisode({ episode, verdict }) {
+  /** @param {View} view */
+  #showEpisode({ episode, verdict, unsaved }) {
+    byId("unsaved").hidden = unsaved === null;
+    say(byId("unsaved-words"), unsaved ?? "");
+    byId("restore-step").hidden = !episode?.restorable;
     const steps = episode?.steps ?? [];
     say(byId("step-title"), `Instruction of step ${steps.length + 1}`);
     say(byId("episode-title"), episode ? `Episode, ${steps.length} ${steps.length === 1 ? "step" : "steps"}` : "Episode");
@@ -169,6 +210,7 @@ export class Panel {
     press(byId("failure"), verdict === false);
   }
 
+  /** @param {View} view */
   #showPolicy({ policy }) {
     const { proposal } = policy;
     const sure = typeof proposal?.confidence === "number" ? `, ${Math.round(100 * proposal.confidence)} % sure` : "";
@@ -182,15 +224,17 @@ export class Panel {
   #showDataSet() {
     const view = this.#view;
     if (!view) return;
-    suggest(byId("data-sets"), view.data_sets);
+    suggest(byId("data-sets", HTMLDataListElement), view.data_sets);
     byId("data-set-card").hidden = Boolean(view.data_set) && !this.#askingDataSet;
   }
 
   // what a person does
 
   #listenToFields() {
-    const field = byId("instruction");
+    const field = input("instruction");
     field.addEventListener("input", () => {
+      this.#typed = field.value;
+      if (this.#view) this.#enable(this.#view);
       clearTimeout(this.#typing);
       this.#typing = setTimeout(() => this.#sendInstruction(), TYPING_MS);
     });
@@ -200,8 +244,8 @@ export class Panel {
     });
     byId("data-set-card").addEventListener("submit", (event) => {
       event.preventDefault();
-      const name = byId("data-set").value.trim();
-      byId("data-set").blur();
+      const name = input("data-set").value.trim();
+      input("data-set").blur();
       this.#do("open_data_set", { name }).then((ok) => {
         this.#askingDataSet = this.#askingDataSet && !ok;
         this.#showDataSet();
@@ -210,54 +254,101 @@ export class Panel {
   }
 
   #listenToButtons() {
+    /** @type {(id: string, act: () => void) => void} */
     const on = (id, act) => byId(id).addEventListener("click", act);
     on("execute", () => this.#act("execute"));
     on("record-only", () => this.#act("record"));
-    on("preview", () => this.#act("preview"));
+    on("preview", () => this.#preview());
     on("clear", () => this.#do("clear"));
     on("undo", () => this.#do("undo"));
-    on("success", () => this.#do("mark", { success: this.#view.verdict === true ? null : true }));
-    on("failure", () => this.#do("mark", { success: this.#view.verdict === false ? null : false }));
+    on("restore-step", () => this.#do("restore_step"));
+    on("save-again", () => this.#do("save_again"));
+    askFirst(button("drop-unsaved"), "Drop it: sure?", () => this.#do("drop_unsaved"));
+    on("success", () => this.#do("mark", { success: this.#view?.verdict === true ? null : true }));
+    on("failure", () => this.#do("mark", { success: this.#view?.verdict === false ? null : false }));
     on("next-episode", () => this.#do("end_episode"));
-    askFirst(byId("discard"), "Discard: sure?", () => this.#do("discard_episode"));
-    on("ask", () => this.#act("propose"));
+    askFirst(button("discard"), "Discard: sure?", () => this.#do("discard_episode"));
+    on("ask", () => this.#ask());
     on("correct", () => this.#do("correct"));
-    for (const button of byId("primitive").children) {
-      button.addEventListener("click", () => this.#do("primitive", { name: button.dataset.primitive }));
+    for (const choice of buttons("#primitive button")) {
+      const name = /** @type {Primitive} */ (choice.dataset.primitive);
+      choice.addEventListener("click", () => this.#do("primitive", { name }));
     }
-    for (const card of byId("ends").children) {
-      card.querySelector(".end-name").addEventListener("click", () => this.#stage.choose(card.dataset.end));
-      for (const button of card.querySelectorAll(".turn")) {
-        button.addEventListener("click", () => this.#stage.turn(card.dataset.end, Number(button.dataset.turn)));
+    for (const { card, end } of endCards()) {
+      one(".end-name", HTMLButtonElement, card).addEventListener("click", () => this.#stage.choose(end));
+      for (const turn of buttons(".turn", card)) {
+        turn.addEventListener("click", () => this.#stage.turn(end, Number(turn.dataset.turn)));
       }
     }
   }
 
-  /** A command that goes by the instruction: what was just typed is sent first. */
+  /**
+   * The text and what is drawn travel with the command, as this page shows them: nothing moves unless both are taken.
+   * @param {"execute" | "record"} command
+   */
   async #act(command) {
-    await this.#sendInstruction();
-    await this.#do(command);
+    const text = this.#instruction(), draft = this.#draft();
+    if (text !== null && draft) this.#took(text, await this.#do(command, { text, draft }));
+  }
+
+  async #ask() {
+    const text = this.#instruction();
+    if (text !== null) this.#took(text, await this.#do("propose", { text }));
+  }
+
+  async #preview() {
+    const draft = this.#draft();
+    if (draft) await this.#do("preview", { draft });
   }
 
   async #sendInstruction() {
-    clearTimeout(this.#typing);
-    const text = byId("instruction").value;
-    if (text.length > LONGEST_INSTRUCTION) {
-      this.answer(false, `The instruction has ${text.length} characters; at most ${LONGEST_INSTRUCTION} are taken.`);
-    } else if (text !== this.#view?.instruction) {
-      await this.#do("instruction", { text });
-    }
-    this.#typing = 0;
+    const text = this.#instruction();
+    if (text === null) return;
+    if (text === this.#view?.instruction) this.#took(text, true);
+    else this.#took(text, await this.#do("instruction", { text }));
   }
 
-  /** Whether it was obeyed; what was said comes with the next state. */
-  async #do(command, args = {}) {
+  /** What stands in the field, or null where it is too long to be sent; that is said then. */
+  #instruction() {
+    clearTimeout(this.#typing);
+    const text = input("instruction").value;
+    if (text.length <= LONGEST_INSTRUCTION) return text;
+    this.answer(false, `The instruction has ${text.length} characters; at most ${LONGEST_INSTRUCTION} are taken.`);
+    return null;
+  }
+
+  /**
+   * @param {string} text what was sent
+   * @param {boolean} ok
+   */
+  #took(text, ok) {
+    if (ok && this.#typed === text) this.#typed = null;
+    if (this.#view) this.#showInstruction(this.#view);
+  }
+
+  /** @returns {SeenDraft | null} */
+  #draft() {
+    return this.#view && { primitive: this.#view.primitive, pick: this.#stage.seen("pick"), place: this.#stage.seen("place") };
+  }
+
+  /**
+   * Whether it was obeyed; what was said comes with the next state.
+   * @template {CommandName} Name
+   * @param {Name} command
+   * @param {Given<Name>} given
+   */
+  async #do(command, ...given) {
     try {
-      const answer = await this.#call(command, args);
+      await this.#call(command, ...given);
       return true;
     } catch (error) {
-      this.answer(false, error.message);
+      this.answer(false, wordsOf(error));
       return false;
     }
   }
+}
+
+/** The cards of the pick and the place. */
+function endCards() {
+  return all(".end", HTMLElement, byId("ends")).map((card) => ({ card, end: /** @type {EndName} */ (card.dataset.end) }));
 }

@@ -1,10 +1,20 @@
-// The picture as a drawing board: boxes by mouse, pen, finger or keys; rotations by a click around a box or by keys.
+// The picture as a drawing board: boxes and rotations by mouse, pen, finger or keys.
 
+import { DrawnEnds, ENDS } from "./draft.js";
 import { drawEnd, drawSketch } from "./drawing.js";
-import { boxBetween, boxMoved, isLargeEnough, ringAround, rotationTowards } from "./geometry.js";
+import { boxBetween, boxMoved, isLargeEnough, rotationTowards } from "./geometry.js";
+import { boxDragged, cursorOver, heldAt, reachOf } from "./grips.js";
 
-const ENDS = ["pick", "place"];
+/** @import { Box, Camera, Draft, EndName } from "./protocol" */
+/** @import { Drawn, Shown } from "./draft.js" */
+/** @import { Point } from "./geometry.js" */
+/** @import { Held, HeldRing } from "./grips.js" */
+
+/** @typedef {{ end: EndName, box: Box }} Sketch a box that is being drawn by pointer or keys */
+/** @typedef {{ start: Point, drawing: boolean, held: Held | null }} Press */
+
 const LETTERS = { pick: "A", place: "B" };
+/** @type {Record<string, Point>} */
 const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
 const DRAG_PX = 6; // on the screen: less is a click
 const KEY_STEP = 2, HELD_STEP = 10; // picture pixels
@@ -12,25 +22,33 @@ const FIRST_SIZE = 64;
 
 export class Stage extends EventTarget {
   #svg;
-  #groups = {};
+  /** @type {Record<EndName, SVGGElement>} */
+  #groups;
+  /** @type {[width: number, height: number]} */
   #size = [960, 540];
   #rotations = 36;
-  #judged = { pick: null, place: null }; // as the server has them
-  #mine = { pick: null, place: null }; // on its way to the server
-  #sending = { pick: false, place: false };
-  #sketch = null; // {end, box}: being drawn by pointer or keys
+  /** @type {Sketch | null} */
+  #sketch = null;
+  /** @type {Press | null} */
   #pressed = null;
   #explicit = false; // the end was chosen by hand, so the next box is its
-  #send;
+  #ends;
+  /** @type {EndName} */
   active = "pick";
   enabled = false;
 
-  /** send(end, {box, rotation}) tells the server; it resolves or rejects. */
+  /**
+   * @param {SVGSVGElement} svg
+   * @param {(end: EndName, drawn: Drawn) => Promise<unknown>} send tells the server; it always resolves
+   */
   constructor(svg, send) {
     super();
     this.#svg = svg;
-    this.#send = send;
-    for (const end of ENDS) this.#groups[end] = this.#makeGroup(end);
+    this.#ends = new DrawnEnds(send, () => {
+      this.draw();
+      this.dispatchEvent(new Event("change"));
+    });
+    this.#groups = { pick: this.#makeGroup("pick"), place: this.#makeGroup("place") };
     svg.addEventListener("pointerdown", (event) => this.#down(event));
     svg.addEventListener("pointermove", (event) => this.#move(event));
     svg.addEventListener("pointerup", (event) => this.#up(event));
@@ -38,26 +56,43 @@ export class Stage extends EventTarget {
     new ResizeObserver(() => this.draw()).observe(svg);
   }
 
-  /** Take the server's state of the draft. */
+  /**
+   * Take the server's state of the draft.
+   * @param {Draft} draft
+   * @param {Camera} camera
+   * @param {number} rotations
+   */
   take(draft, camera, rotations) {
-    const drawn = (ends) => ENDS.some((end) => ends[end]);
-    if (drawn(this.#judged) && !drawn(draft)) [this.active, this.#explicit] = ["pick", false]; // the next step begins
-    this.#judged = draft;
+    if (this.#ends.take(draft)) [this.active, this.#explicit] = ["pick", false]; // the next step begins
     this.#rotations = rotations;
     if (camera.width && camera.height) this.#size = [camera.width, camera.height];
     this.#svg.setAttribute("viewBox", `0 0 ${this.#size[0]} ${this.#size[1]}`);
     this.draw();
   }
 
-  /** {box, rotation, directions, judged} of an end, or null. */
+  /**
+   * What is drawn of an end.
+   * @param {EndName} end
+   * @returns {Shown | null}
+   */
   shown(end) {
-    const judged = this.#judged[end], mine = this.#mine[end];
-    if (!judged && !mine) return null;
-    const settled = judged && !mine;
-    return { ...(mine ?? judged), directions: judged?.directions, judged: settled ? judged : null };
+    return this.#ends.shown(end);
   }
 
-  /** Choose the end that is drawn next. */
+  /**
+   * Box and rotation of an end as they are shown, or null.
+   * @param {EndName} end
+   * @returns {Drawn | null}
+   */
+  seen(end) {
+    const shown = this.shown(end);
+    return shown && { box: shown.box, rotation: shown.rotation };
+  }
+
+  /**
+   * Choose the end that is drawn next.
+   * @param {EndName} end
+   */
   choose(end, byHand = true) {
     this.active = end;
     this.#explicit = byHand;
@@ -65,11 +100,15 @@ export class Stage extends EventTarget {
     this.dispatchEvent(new Event("change"));
   }
 
+  /**
+   * @param {EndName} end
+   * @param {number} ticks
+   */
   turn(end, ticks) {
     const shown = this.shown(end);
     if (!shown || !this.enabled) return;
     const rotation = (shown.rotation + ticks + this.#rotations) % this.#rotations;
-    this.#put(end, shown.box, rotation);
+    this.#ends.put(end, shown.box, rotation);
   }
 
   cancel() {
@@ -90,35 +129,49 @@ export class Stage extends EventTarget {
 
   // pointer
 
+  /** @param {PointerEvent} event */
   #down(event) {
     if (!this.enabled || !event.isPrimary || event.button !== 0) return;
     event.preventDefault();
-    document.activeElement?.blur?.(); // the space bar is the stop again
+    if (document.activeElement instanceof HTMLElement || document.activeElement instanceof SVGElement) document.activeElement.blur(); // the space bar is the stop again
     this.#svg.setPointerCapture(event.pointerId);
     this.#sketch = null;
-    this.#pressed = { start: this.#point(event), drawing: false };
+    const start = this.#point(event);
+    this.#pressed = { start, drawing: false, held: this.#heldAt(start, event) };
   }
 
+  /** @param {PointerEvent} event */
   #move(event) {
-    if (!this.#pressed || !event.isPrimary) return;
-    const point = this.#point(event), { start } = this.#pressed;
-    if (!this.#pressed.drawing) {
-      if (Math.hypot(point[0] - start[0], point[1] - start[1]) < DRAG_PX * this.#pixel()) return;
-      this.#pressed.drawing = true;
-      this.#chooseForBox();
+    if (!event.isPrimary) return;
+    const point = this.#point(event);
+    if (!this.#pressed) {
+      this.#svg.dataset.over = this.enabled ? cursorOver(this.#heldAt(point, event)) : "";
+      return;
     }
-    this.#sketch = { end: this.active, box: boxBetween(start, point, ...this.#size) };
+    const { start, held } = this.#pressed;
+    const [dx, dy] = [point[0] - start[0], point[1] - start[1]];
+    if (!this.#pressed.drawing) {
+      if (Math.hypot(dx, dy) < DRAG_PX * this.#pixel()) return;
+      this.#pressed.drawing = true;
+      if (held?.kind === "box" && held.end !== this.active) this.choose(held.end, false);
+      else if (held?.kind !== "box" && held?.kind !== "knob") this.#chooseForBox();
+    }
+    if (held?.kind === "knob") this.#turnTowards(held, point);
+    else if (held?.kind === "box") this.#sketch = { end: held.end, box: boxDragged(held, [dx, dy], ...this.#size) };
+    else this.#sketch = { end: this.active, box: boxBetween(start, point, ...this.#size) };
     this.draw();
   }
 
+  /** @param {PointerEvent} event */
   #up(event) {
     if (!this.#pressed || !event.isPrimary) return;
     this.#move(event);
-    const { drawing, start } = this.#pressed;
+    const { drawing, start, held } = this.#pressed;
     const sketch = this.#sketch;
     this.#pressed = this.#sketch = null;
-    if (!drawing) this.#click(start);
+    if (!drawing) this.#click(start, held);
     else if (sketch && isLargeEnough(sketch.box)) this.#putBox(sketch.end, sketch.box);
+    else if (sketch && held?.kind === "box") this.#putBox(held.end, held.box); // dragged to nothing: it stays as it was
     this.draw();
   }
 
@@ -128,20 +181,38 @@ export class Stage extends EventTarget {
     this.#explicit = false;
   }
 
-  #click(point) {
-    const rings = ENDS.map((end) => ({ end, shown: this.shown(end) }))
-      .filter(({ shown }) => shown?.directions)
-      .map(({ end, shown }) => {
-        const ring = ringAround(shown.box, shown.judged?.grasp?.centroid_pixel, this.#pixel());
-        return { end, shown, ring, apart: Math.hypot(point[0] - ring.x, point[1] - ring.y) / ring.radius };
-      });
-    const near = rings.find(({ end, apart }) => end === this.active && apart < 1.35);
-    const hit = near ?? rings.sort((a, b) => a.apart - b.apart)[0];
-    if (!hit) return;
-    if (hit.end !== this.active) this.choose(hit.end, false);
-    this.#put(hit.end, hit.shown.box, rotationTowards(hit.ring, point, hit.shown.directions));
+  /**
+   * @param {Point} point
+   * @param {Held | null} held
+   */
+  #click(point, held) {
+    if (held?.kind === "ring") this.#turnTowards(held, point);
+    else if (held && held.end !== this.active) this.choose(held.end, false);
   }
 
+  /**
+   * @param {Point} point
+   * @param {PointerEvent} event
+   */
+  #heldAt(point, event) {
+    const active = this.active, other = active === "pick" ? "place" : "pick";
+    const pixel = this.#pixel();
+    return heldAt([[active, this.shown(active)], [other, this.shown(other)]], point, reachOf(event.pointerType, pixel), pixel);
+  }
+
+  /**
+   * @param {HeldRing} held
+   * @param {Point} point
+   */
+  #turnTowards({ end, shown, ring }, point) {
+    const rotation = rotationTowards(ring, point, shown.directions);
+    if (rotation !== this.shown(end)?.rotation) this.#ends.put(end, shown.box, rotation);
+  }
+
+  /**
+   * @param {PointerEvent} event
+   * @returns {Point}
+   */
   #point(event) {
     const area = this.#svg.getBoundingClientRect();
     return [(event.clientX - area.left) * this.#size[0] / area.width,
@@ -154,6 +225,7 @@ export class Stage extends EventTarget {
 
   // keys
 
+  /** @param {EndName} end */
   #makeGroup(end) {
     const group = document.createElementNS("http://www.w3.org/2000/svg", "g");
     group.setAttribute("tabindex", "0");
@@ -166,6 +238,7 @@ export class Stage extends EventTarget {
     return group;
   }
 
+  /** @param {EndName} end */
   #focused(end) {
     if (this.#pressed) return;
     this.choose(end);
@@ -173,19 +246,30 @@ export class Stage extends EventTarget {
     this.draw();
   }
 
+  /** @param {EndName} end */
   #left(end) {
     if (this.#sketch?.end === end && !this.#pressed) this.cancel();
   }
 
+  /**
+   * @param {EndName} end
+   * @param {KeyboardEvent} event
+   */
   #key(end, event) {
     if (!this.enabled || event.ctrlKey || event.altKey || event.metaKey) return;
-    if (event.key in ARROWS) this.#arrow(end, ARROWS[event.key], event);
+    const arrow = ARROWS[event.key];
+    if (arrow) this.#arrow(end, arrow, event);
     else if (event.key === "Enter") this.#enter(end);
     else if (event.key === "Delete" || event.key === "Backspace") this.dispatchEvent(new Event("clear"));
     else return;
     event.preventDefault();
   }
 
+  /**
+   * @param {EndName} end
+   * @param {Point} direction
+   * @param {KeyboardEvent} event
+   */
   #arrow(end, [dx, dy], event) {
     if (this.#sketch?.end !== end) {
       this.turn(end, dx + dy);
@@ -196,6 +280,7 @@ export class Stage extends EventTarget {
     this.draw();
   }
 
+  /** @param {EndName} end */
   #enter(end) {
     if (this.#sketch?.end === end) {
       const { box } = this.#sketch;
@@ -207,6 +292,10 @@ export class Stage extends EventTarget {
     }
   }
 
+  /**
+   * @param {EndName} end
+   * @returns {Box}
+   */
   #firstBox(end) {
     const [width, height] = this.#size;
     const left = Math.round(width * (end === "pick" ? 0.4 : 0.6) - FIRST_SIZE / 2);
@@ -214,6 +303,10 @@ export class Stage extends EventTarget {
     return [top, left, top + FIRST_SIZE, left + FIRST_SIZE];
   }
 
+  /**
+   * @param {EndName} end
+   * @param {Shown | null} shown
+   */
   #label(end, shown) {
     const name = end === "pick" ? "Pick" : "Place";
     if (this.#sketch?.end === end) {
@@ -228,27 +321,12 @@ export class Stage extends EventTarget {
 
   // towards the server
 
+  /**
+   * @param {EndName} end
+   * @param {Box} box
+   */
   #putBox(end, box) {
     const rotation = this.shown(end)?.rotation ?? (end === "place" ? this.shown("pick")?.rotation : null) ?? 0;
-    this.#put(end, box, rotation);
-  }
-
-  /** Only the newest is sent while an answer is out, so that held keys do not queue. */
-  async #put(end, box, rotation) {
-    const mine = { box, rotation };
-    this.#mine[end] = mine;
-    this.draw();
-    this.dispatchEvent(new Event("change"));
-    if (this.#sending[end]) return;
-    this.#sending[end] = true;
-    let sent = null;
-    while (this.#mine[end] && this.#mine[end] !== sent) {
-      sent = this.#mine[end];
-      await this.#send(end, sent);
-    }
-    this.#sending[end] = false;
-    this.#mine[end] = null;
-    this.draw();
-    this.dispatchEvent(new Event("change"));
+    this.#ends.put(end, box, rotation);
   }
 }

@@ -2,6 +2,9 @@
 
 import { element } from "./page.js";
 
+/** @import { Counts, Statistics } from "./protocol" */
+
+/** @type {["success" | "instructions" | "color_words" | "primitives" | "sources", name: string][]} */
 const TABLES = [
   ["success", "Episodes"],
   ["instructions", "Steps for each instruction"],
@@ -10,13 +13,21 @@ const TABLES = [
   ["sources", "Steps for each origin"],
 ];
 
+/**
+ * @param {string} name
+ * @param {Counts} counts
+ */
 function table(name, counts) {
   const rows = Object.entries(counts).map(([key, count]) =>
     element("tr", {}, element("th", { scope: "row" }, key || "(none)"), element("td", {}, String(count))));
   return element("table", { className: "counts" }, element("caption", {}, name), element("tbody", {}, ...rows));
 }
 
-/** The elements for a data set's statistics, with the picture at an address. */
+/**
+ * The elements for a data set's statistics, with the picture at an address.
+ * @param {Statistics} statistics
+ * @param {string} address
+ */
 export function statisticsParts(statistics, address) {
   const { n_steps: steps, n_executed: executed, n_episodes: episodes } = statistics;
   const biases = statistics.biases.map((line) => element("li", {}, line));

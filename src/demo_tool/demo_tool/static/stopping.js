@@ -1,20 +1,21 @@
 // STOP: the button, the space bar, and Escape pressed twice.
 
-import { byId, isTextField } from "./page.js";
+import { button, isTextField } from "./page.js";
 
 const TWICE_MS = 700;
 
+/** @param {() => void} stop */
 export function setUpStopping(stop) {
-  const button = byId("stop");
+  const control = button("stop");
   const act = () => {
-    button.classList.add("pressed");
-    setTimeout(() => button.classList.remove("pressed"), 400);
+    control.classList.add("pressed");
+    setTimeout(() => control.classList.remove("pressed"), 400);
     stop();
   };
-  button.addEventListener("pointerdown", (event) => {
+  control.addEventListener("pointerdown", (event) => {
     if (event.button === 0) act(); // at the press, not at the release
   });
-  button.addEventListener("click", (event) => {
+  control.addEventListener("click", (event) => {
     if (event.detail === 0) act(); // by keys or a screen reader: no pointer came before
   });
 

@@ -1,1 +1,1 @@
-"""The web side of the demonstration page: who may ask, what is answered, how pictures and states are pushed."""
+"""Web server of the demonstration page: access, commands, pictures and states."""

@@ -1,4 +1,4 @@
-"""The page's addresses."""
+"""ASGI application with the page's addresses."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ from starlette.staticfiles import StaticFiles
 from demo_tool.web.access import AccessRule
 from demo_tool.web.arm_holder import ArmHolder
 from demo_tool.web.commands import Commands
+from demo_tool.web.connection_limit import ConnectionLimit
 from demo_tool.web.guard import Guard
 from demo_tool.web.pictures import Pictures
 from demo_tool.web.session import Sessions
@@ -27,21 +28,22 @@ if TYPE_CHECKING:
     from demo_tool.station import Station
 
 STATIC = Path(__file__).resolve().parents[1] / "static"
-_ASK_WHETHER_NEWER = {"Cache-Control": "no-cache"}
+_REVALIDATE = {"Cache-Control": "no-cache"}
 
 
 def make_application(station: Station, rule: AccessRule) -> Starlette:
-    """The ASGI application around a station: the page, its files, its pictures, its websocket."""
+    """Make the ASGI application around a station: the page, its files, its pictures, its websocket."""
     holder = ArmHolder()
     feed = StateFeed(station)
     commands = Commands(station, holder)
     pictures = Pictures(station)
+    connection_limit = ConnectionLimit()
 
     async def page(_: Request) -> Response:
-        return FileResponse(STATIC / "index.html", headers=_ASK_WHETHER_NEWER)
+        return FileResponse(STATIC / "index.html", headers=_REVALIDATE)
 
     async def stop(_: Request) -> Response:
-        """Beside the websocket's command: it gets through while the page reconnects."""
+        """Stop the arm even while the page reconnects its websocket."""
         await commands.stop()
         return Response(status_code=HTTPStatus.NO_CONTENT)
 
@@ -60,8 +62,9 @@ def make_application(station: Station, rule: AccessRule) -> Starlette:
             WebSocketRoute("/session", Sessions(feed, commands, holder).serve),
             Mount("/static", StaticFiles(directory=STATIC)),
         ],
-        middleware=[Middleware(Guard, rule=rule)],
+        middleware=[Middleware(Guard, rule=rule, connection_limit=connection_limit)],
         lifespan=lifespan,
     )
-    application.state.ending = False  # set by who ends the server: long polls end then
+    application.state.connection_limit = connection_limit  # where the server counts connections
+    application.state.ending = False  # True while the server stops: long polls end then
     return application

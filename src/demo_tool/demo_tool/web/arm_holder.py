@@ -1,4 +1,4 @@
-"""Which of the pages that are open may command the arm."""
+"""Holder of the arm: the open page that may command it."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ IDLE_AFTER_S = 180.0
 
 
 class Standing(Enum):
-    """What a page is told of who holds the arm; None stands for nobody."""
+    """Holder of the arm as seen by a page; the values are the page's."""
 
     ME = "me"
     OTHER = "other"
@@ -17,9 +17,9 @@ class Standing(Enum):
 
 
 class ArmHolder:
-    """The first page holds the arm, the others watch; the times [s] handed in are of one monotonic clock.
+    """Holder of the arm: the first page, while the others watch. Times [s] are those of one monotonic clock, handed in.
 
-    A page is its own random name, kept over a reload. Its hold ends when it gives it up, has been away for
+    A page is known by its random name, kept over a reload. Its hold ends when it gives it up, has been away for
     GONE_AFTER_S, or has commanded nothing for IDLE_AFTER_S: then another may take over.
     """
 
@@ -29,37 +29,37 @@ class ArmHolder:
         self._last_act = 0.0
 
     def join(self, page: str, now: float) -> None:
-        """A page has opened, or opened again."""
+        """Note that a page was opened, or opened again."""
         if self._page is None or page == self._page or self._is_gone(now):
             self._hold(page, now)
 
     def leave(self, page: str, now: float) -> None:
-        """A page's connection has ended."""
+        """Note that a page's connection has ended."""
         if page == self._page:
             self._away_since = now
 
     def act(self, page: str, now: float) -> None:
-        """A page has sent a command."""
+        """Note that a page has sent a command."""
         if page == self._page:
             self._last_act = now
 
     def give_up(self, page: str) -> None:
-        """A page lets others take over."""
+        """End a page's hold."""
         if page == self._page:
             self._page = None
 
     def take_over(self, page: str, now: float) -> bool:
-        """Let the page hold the arm if it may; whether it does."""
+        """Let the page hold the arm if it may; return True if it does."""
         if self.may_take_over(page, now):
             self._hold(page, now)
         return page == self._page
 
     def may_take_over(self, page: str, now: float) -> bool:
-        """Whether a page that does not hold the arm would get it."""
+        """Return True if a page does not hold the arm and would get it."""
         return page != self._page and (self._page is None or self._is_gone(now) or now - self._last_act > IDLE_AFTER_S)
 
     def standing(self, page: str) -> Standing:
-        """Who holds the arm, as seen by a page."""
+        """Return the holder of the arm as seen by a page."""
         if self._page is None:
             return Standing.NOBODY
         return Standing.ME if page == self._page else Standing.OTHER

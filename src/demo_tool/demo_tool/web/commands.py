@@ -1,4 +1,4 @@
-"""A page's commands: who may give them, and what is answered."""
+"""Commands of pages: permission, execution and answers."""
 
 from __future__ import annotations
 
@@ -21,15 +21,16 @@ logger = logging.getLogger(__name__)
 STOP = "stop"
 FOR_ALL = frozenset({STOP, "episodes", "episode", "trash", "statistics"})
 _TAKE_OVER, _GIVE_UP = "take_over", "give_up"
+OWN_COMMANDS = frozenset({_TAKE_OVER, _GIVE_UP})  # obeyed here, not by the station
 
 
 class NotHoldingError(DemoToolError):
-    """A page that watches has sent a command that only the page which holds the arm may send."""
+    """A command from a page that does not hold the arm, which the command needs."""
 
 
 @dataclass(frozen=True)
 class Request:
-    """What a page asks: `number` comes back with the answer."""
+    """A page's request; `number` identifies its answer."""
 
     number: int
     command: str
@@ -37,7 +38,7 @@ class Request:
 
     @classmethod
     def from_json(cls, value: Any) -> Request | None:
-        """The request in a message's JSON, or None where it is not one."""
+        """Parse the request in a message's JSON; None where it is not one."""
         match value:
             case {"id": int(number), "command": str(command), "arguments": dict(arguments)}:
                 return cls(number, command, arguments)
@@ -45,7 +46,7 @@ class Request:
 
 
 class Commands:
-    """Hands requests to the station, in threads; a stop never waits behind another command."""
+    """Executor of requests, in threads; a stop never waits behind another command."""
 
     def __init__(self, station: Station, holder: ArmHolder) -> None:
         self._station = station
@@ -54,7 +55,7 @@ class Commands:
         self._stops = anyio.CapacityLimiter(4)
 
     async def answer(self, page: str, request: Request) -> dict[str, Any]:
-        """The message that answers a request; a refusal is one line for a person."""
+        """Execute a request and return the message that answers it; a refusal is one line for a person."""
         try:
             answer = await self._run(page, request)
         except DemoToolError as error:
@@ -65,7 +66,7 @@ class Commands:
         return {"id": request.number, "ok": True, "answer": answer}
 
     async def stop(self) -> None:
-        """Stop the arm, whoever asks."""
+        """Stop the arm; any page may."""
         await run_sync(self._station.command, STOP, {}, limiter=self._stops)
 
     async def _run(self, page: str, request: Request) -> Any:

@@ -1,4 +1,4 @@
-"""What every request and websocket passes before anything looks at it, and the headers of every answer."""
+"""Middleware that checks every request and websocket first, and sets the headers of every answer."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from starlette.websockets import WebSocket
 
 from demo_tool.web.access import AccessRule
+from demo_tool.web.connection_limit import ConnectionLimit
 
 COOKIE = "demo_tool"
 SECURITY_HEADERS = {
@@ -27,18 +28,19 @@ SECURITY_HEADERS = {
 
 
 class Guard:
-    """Refuses a foreign Host, a foreign Origin and a missing token; trades a token in the address for a cookie."""
+    """Middleware that refuses foreign Hosts, foreign Origins and missing tokens; a token is exchanged for a cookie."""
 
-    def __init__(self, app: ASGIApp, rule: AccessRule) -> None:
-        self._app = app
-        self._rule = rule
+    def __init__(self, app: ASGIApp, rule: AccessRule, connection_limit: ConnectionLimit) -> None:
+        self._app, self._rule, self._connection_limit = app, rule, connection_limit
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Pass on, answer or refuse one connection of the ASGI server."""
         if scope["type"] == "lifespan":
             await self._app(scope, receive, send)
             return
         answer = self._answer(HTTPConnection(scope))
         if answer is None:
+            self._connection_limit.admit(scope["client"] and tuple(scope["client"]))
             await self._app(scope, receive, send if scope["type"] == "websocket" else _with_headers(send))
         elif scope["type"] == "websocket":
             await WebSocket(scope, receive, send).send_denial_response(answer)
@@ -46,7 +48,7 @@ class Guard:
             await answer(scope, receive, _with_headers(send))
 
     def _answer(self, asked: HTTPConnection) -> Response | None:
-        """The answer to those who get no further, else None."""
+        """Return the answer to a request that is not let in, else None."""
         host = asked.headers.get("host", "")
         if not self._rule.knows_host(host):
             return _refusal(HTTPStatus.MISDIRECTED_REQUEST, f"this server is not called '{host[:80]}'")
@@ -60,7 +62,9 @@ class Guard:
             text = "a token is asked for: open the address that the command printed, it ends in ?token=…"
             return _refusal(HTTPStatus.UNAUTHORIZED, text)
         answer = RedirectResponse("/", HTTPStatus.SEE_OTHER)  # so that the token does not stay in the address bar
-        answer.set_cookie(COOKIE, self._rule.cookie(), max_age=30 * 86400, httponly=True, samesite="strict")
+        # lax: strict is not sent where a link elsewhere led here; what commands also needs this site's Origin
+        secure = asked.url.scheme in {"https", "wss"}
+        answer.set_cookie(COOKIE, self._rule.cookie(), 30 * 86400, httponly=True, samesite="lax", secure=secure)
         return answer
 
 

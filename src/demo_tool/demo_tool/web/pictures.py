@@ -1,4 +1,4 @@
-"""Endpoints that answer with pictures: live ones by long poll, those of episodes at once."""
+"""Endpoints for pictures: live ones by long poll, recorded ones at once."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ if TYPE_CHECKING:
 
 LIVE = frozenset({"color", "heightmap", "pick_affordance", "place_affordance"})
 MAX_POLLS = 24
-_SLICE_S = 0.25  # of a long poll: how long a page that is gone keeps a thread
-_SLICES = 12
+_SLICE_S = 0.25  # one wait of a long poll; a page that is gone keeps a thread for as long
+_SLICES = 12  # waits of a long poll
 _MAX_WIDTH = 4096
 _STILL = LEVELS[-1]
 
 
 class Pictures:
-    """The station's pictures as JPEG files."""
+    """Endpoints for the station's pictures."""
 
     def __init__(self, station: Station) -> None:
         self._station = station
@@ -36,10 +36,10 @@ class Pictures:
         self._readings = anyio.CapacityLimiter(2)
 
     async def live(self, request: Request) -> Response:
-        """GET /picture/{name}.jpg?after=N&width=&level=&took=: the next picture after number N, or 204 for none.
+        """Answer GET /picture/{name}.jpg?after=N&width=&level=&took= with the next picture after number N, or 204.
 
-        width: the page's own [pixels]; level and took: of the last picture, and how long it took to arrive [ms].
-        The answer's X-Level is the level that it has, to be handed back with the next question.
+        width: the page's own [pixels]; level: the last picture's; took: its transfer time [ms]. The answer's X-Level is
+        its level, to be sent with the next request.
         """
         name = request.path_params["name"]
         if name not in LIVE:
@@ -65,7 +65,7 @@ class Pictures:
         return Response(status_code=HTTPStatus.NO_CONTENT)
 
     async def of_step(self, request: Request) -> Response:
-        """GET /episode/{data_set}/{name}/{step}.jpg: what the camera saw at a step of a recorded episode."""
+        """Answer GET /episode/{data_set}/{name}/{step}.jpg with the camera's picture of a recorded step."""
         data_set, name, step = (request.path_params[key] for key in ("data_set", "name", "step"))
 
         def read() -> bytes:
@@ -74,7 +74,7 @@ class Pictures:
         return await self._still(read, "image/jpeg")
 
     async def statistics(self, request: Request) -> Response:
-        """GET /statistics.png: the picture of the open data set's statistics."""
+        """Answer GET /statistics.png with the picture of the open data set's statistics."""
         return await self._still(self._station.statistics_picture, "image/png")
 
     async def _still(self, read: Callable[[], bytes], media_type: str) -> Response:

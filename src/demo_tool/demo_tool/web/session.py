@@ -1,4 +1,4 @@
-"""The websocket of one page: what changed goes out, commands come in."""
+"""Websockets of the open pages: changes of the view go out, commands come in."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from demo_tool.web.commands import STOP, Commands, Request
 from demo_tool.web.state_feed import StateFeed
 
 MAX_PAGES = 16
-MAX_PENDING = 16
+MAX_PENDING_REQUESTS = 16
 MAX_MESSAGE = 64 * 1024  # bytes; the longest command is an instruction that is refused in words
 OPENED_AGAIN = 4001  # close code: the same page has connected anew, or was duplicated
 NOT_UNDERSTOOD = 4002
@@ -27,22 +27,22 @@ _PAGE_NAME = re.compile(r"[A-Za-z0-9-]{8,64}")
 
 
 @dataclass
-class _Shown:
-    """What a page has been sent; in_order: held by the command that is being obeyed."""
+class _PageState:
+    """State of one page: the view that it was sent; in_order: held by the command that is being executed."""
 
     view: dict[str, Any] = field(default_factory=dict)
     in_order: asyncio.Lock = field(default_factory=asyncio.Lock)
 
 
 class Sessions:
-    """All pages that are open."""
+    """Websockets of all open pages."""
 
     def __init__(self, feed: StateFeed, commands: Commands, holder: ArmHolder) -> None:
         self._feed, self._commands, self._holder = feed, commands, holder
         self._open: dict[str, WebSocket] = {}
 
     async def serve(self, websocket: WebSocket) -> None:
-        """The endpoint: one page from its opening to its end."""
+        """Serve one page from its opening to its end."""
         page = websocket.query_params.get("page", "")
         if not _PAGE_NAME.fullmatch(page):
             await websocket.send_denial_response(PlainTextResponse("no such page\n", HTTPStatus.BAD_REQUEST))
@@ -65,13 +65,13 @@ class Sessions:
                 self._holder.leave(page, anyio.current_time())
 
     async def _talk(self, websocket: WebSocket, page: str) -> None:
-        shown = _Shown()
+        shown = _PageState()
         push = asyncio.create_task(self._push(websocket, page, shown))
         answers: set[asyncio.Task[None]] = set()
         try:
             while True:
                 request = _request(await websocket.receive_text())
-                if request is None or (len(answers) >= MAX_PENDING and request.command != STOP):
+                if request is None or (len(answers) >= MAX_PENDING_REQUESTS and request.command != STOP):
                     await _close(websocket, NOT_UNDERSTOOD)
                     return
                 task = asyncio.create_task(self._answer(websocket, page, request, shown))
@@ -82,23 +82,23 @@ class Sessions:
         finally:
             push.cancel()
 
-    async def _answer(self, websocket: WebSocket, page: str, request: Request, shown: _Shown) -> None:
+    async def _answer(self, websocket: WebSocket, page: str, request: Request, shown: _PageState) -> None:
         if request.command == STOP:
             answer = await self._commands.answer(page, request)
         else:
             async with shown.in_order:
                 answer = await self._commands.answer(page, request)
-        await self._show(websocket, page, shown, await self._feed.refresh())  # so that no answer precedes its effect
+        await self._show(websocket, page, shown, await self._feed.refresh())  # an answer must not precede its effect
         await _send(websocket, answer)
 
-    async def _push(self, websocket: WebSocket, page: str, shown: _Shown) -> None:
-        """Send what changes for as long as the page is there; that nothing did is said too, as a sign of life."""
+    async def _push(self, websocket: WebSocket, page: str, shown: _PageState) -> None:
+        """Send changes while the page is open, and an empty one every second as a heartbeat."""
         view = self._feed.view
         while await self._show(websocket, page, shown, view):
             view = await self._feed.next()
 
-    async def _show(self, websocket: WebSocket, page: str, shown: _Shown, view: Mapping[str, Any]) -> bool:
-        """Send what differs from what the page has; whether that could be sent."""
+    async def _show(self, websocket: WebSocket, page: str, shown: _PageState, view: Mapping[str, Any]) -> bool:
+        """Send the difference to what the page has; return True if it could be sent."""
         whole = {**view, **self._standing(page)}
         news = {key: value for key, value in whole.items() if key not in shown.view or shown.view[key] != value}
         shown.view.update(news)
@@ -120,7 +120,7 @@ def _request(text: str) -> Request | None:
 
 
 async def _send(websocket: WebSocket, message: Mapping[str, Any]) -> bool:
-    """Whether it could be sent; a page that is gone is no error."""
+    """Send a message; return True if it could be sent: a page that is gone is no error."""
     try:
         await websocket.send_text(json.dumps(message, allow_nan=False, separators=(",", ":")))
     except (RuntimeError, WebSocketDisconnect):

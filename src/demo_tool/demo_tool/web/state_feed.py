@@ -1,4 +1,4 @@
-"""The station's view, watched once for all pages that are open."""
+"""Feed of the station's view, watched once for all open pages."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _MIN_PERIOD_S = 1.0 / 15.0
 
 
 class StateFeed:
-    """Keeps the newest view and wakes those who wait for it, at most 15 times a second and at least every second."""
+    """Newest view of the station; waiters are woken at most 15 times a second and at least every second."""
 
     def __init__(self, station: Station) -> None:
         self._station = station
@@ -29,7 +29,7 @@ class StateFeed:
 
     @asynccontextmanager
     async def running(self) -> AsyncIterator[None]:
-        """Watch the station for as long as the context lasts."""
+        """Watch the station while the body runs."""
         self.view = self._station.view(None)
         watch = asyncio.create_task(self._watch())
         try:
@@ -39,18 +39,18 @@ class StateFeed:
             self.wake()
 
     async def next(self) -> Mapping[str, Any]:
-        """The view, when something has changed or a second has passed."""
+        """Wait until something has changed or a second has passed; return the view."""
         await self._waiting.wait()
         return self.view
 
     async def refresh(self) -> Mapping[str, Any]:
-        """The view as it is now, told to all who wait."""
+        """Read the present view, wake all who wait and return it."""
         self.view = await run_sync(self._station.view, None, abandon_on_cancel=True, limiter=self._looks)
         self.wake()
         return self.view
 
     def wake(self) -> None:
-        """Wake all who wait: something beside the station has changed."""
+        """Wake all who wait, as something outside the station has changed."""
         self._waiting.set()
         self._waiting = asyncio.Event()
 

@@ -1,4 +1,4 @@
-"""An arm, a policy and a camera over a table with coloured blocks, without ROS: for tests, and for trying the page."""
+"""Fakes for the station: an arm, a policy and a camera over a table with coloured blocks, without ROS."""
 
 from __future__ import annotations
 
@@ -11,14 +11,17 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cliport_core import topics
+from cliport_core.action import ActionGoal, Primitive
+from cliport_core.outcome import ActionResult, Outcome
+from cliport_core.policy_state import PolicyState, ServerStatus
+from cliport_core.pose import PlanarPose, Pose
 from cliport_episodes.observation import Observation
 from cliport_episodes.observation_messages import messages_from_observation
 from cliport_perception.camera_model import CameraModel
-from cliport_perception.policy_state import PolicyState
-from cliport_perception.pose import PlanarPose, Pose
-from cliport_perception.primitive import Outcome
 from demo_tool.live_view import ColorImage, DepthImage, LiveView
-from demo_tool.ports import ACCEPTED, ArmResult, OnEnd, OnPhase, PickPlaceGoal
+from demo_tool.ports import ACCEPTED, OnEnd, OnPhase
+from panda_model import load_preset
 
 _PHASES = (
     "VALIDATING",
@@ -33,12 +36,12 @@ _PHASES = (
     "RETREAT",
 )
 _FRAME = "camera_color_optical_frame"
-_JOINTS = [f"panda_joint{i}" for i in range(1, 8)]
+_ARM = load_preset()
 _TABLE_COLOR = (122, 112, 102)
 
 
 class Block(NamedTuple):
-    """Stands on the table at (x, y), size along x, y and z [m]; color: RGB."""
+    """A block on the table at (x, y) [m]; size: along x, y and z [m]; color: RGB."""
 
     x: float
     y: float
@@ -61,20 +64,22 @@ class FakeTable:
 
     @property
     def camera(self) -> CameraModel:
-        """Without distortion."""
+        """Camera without distortion."""
         focal = 0.5625 * self.width
         return _camera(self.width, self.height, focal)
 
     def live_view(self, stamp_ns: int, received_ns: int | None = None) -> LiveView:
-        """What the camera sees of it now, with the messages that a real one would have sent."""
+        """Return the camera's present view, with the messages that a real one would have sent."""
         color, depth = self._cast()
         received = stamp_ns if received_ns is None else received_ns
-        seen = Observation(stamp_ns, color, depth, self.camera, self.camera_in_base, dict.fromkeys(_JOINTS, 0.0))
-        raw = tuple(messages_from_observation(seen, _FRAME, received_ns=received))
+        seen = Observation(
+            stamp_ns, color, depth, self.camera, self.camera_in_base, dict.fromkeys(_ARM.arm_joints, 0.0)
+        )
+        raw = tuple(messages_from_observation(seen, _FRAME, _ARM.base_frame, received_ns=received))
         return LiveView(stamp_ns, received, _FRAME, self.camera, self.camera_in_base, raw, lambda: color, lambda: depth)
 
     def box_around(self, block: Block, margin: int = 3) -> list[int]:
-        """[top, left, bottom, right] of the picture around a block, `margin` pixels larger on each side."""
+        """Return the box [top, left, bottom, right] around a block, `margin` pixels larger on each side."""
         sx, sy, sz = block.size
         corners = [(block.x + a * sx / 2, block.y + b * sy / 2, z) for a in (-1, 1) for b in (-1, 1) for z in (0.0, sz)]
         pixels = self.camera.project(self.camera_in_base.inverse().apply(corners))
@@ -82,7 +87,7 @@ class FakeTable:
         return [int(low[0]), int(low[1]), int(high[0]), int(high[1])]
 
     def box_at(self, x: float, y: float, half: int = 12) -> list[int]:
-        """[top, left, bottom, right] around a point of the table [m]."""
+        """Return the box [top, left, bottom, right] around a point of the table [m]."""
         row, col = self.camera.project(self.camera_in_base.inverse().apply([[x, y, 0.0]]))[0]
         return [round(row) - half, round(col) - half, round(row) + half, round(col) + half]
 
@@ -123,33 +128,35 @@ def _camera(width: int, height: int, focal: float) -> CameraModel:
 
 @dataclass
 class FakeArm:
-    """Obeys at once, or in a thread with `pace` seconds a phase.
+    """Arm that executes goals at once, or in a thread with `pace` seconds a phase.
 
     result: how goals end, a plan with PLANNED where this says SUCCEEDED; silent: goals are never answered;
     fault_words: why it cannot be used; on_success: what a goal that succeeds does to the world.
     """
 
     pace: float = 0.0
-    result: ArmResult = field(default_factory=lambda: ArmResult(Outcome.SUCCEEDED, "done", (0.42, -0.12, 0.03), 0.04))
+    result: ActionResult = field(
+        default_factory=lambda: ActionResult(Outcome.SUCCEEDED, "done", (0.42, -0.12, 0.03), 0.04)
+    )
     silent: bool = False
     fault_words: str | None = None
-    on_success: Callable[[PickPlaceGoal], None] = lambda goal: None
-    goals: list[PickPlaceGoal] = field(default_factory=list)
+    on_success: Callable[[ActionGoal], None] = lambda goal: None
+    goals: list[ActionGoal] = field(default_factory=list)
     stops: int = 0
     stopped: bool = False
     _cancel: threading.Event = field(default_factory=threading.Event)
 
     def fault(self) -> str | None:
-        """As set."""
+        """Return the words that were set."""
         return self.fault_words
 
-    def send(self, goal: PickPlaceGoal, on_phase: OnPhase, on_end: OnEnd) -> None:
+    def send(self, goal: ActionGoal, on_phase: OnPhase, on_end: OnEnd) -> None:
         """Play all phases."""
         self.goals.append(goal)
         if self.silent:
             return
         if self.stopped:
-            on_end(ArmResult(Outcome.REJECTED, "the executor is stopped"))
+            on_end(ActionResult(Outcome.REJECTED, "the executor is stopped"))
             return
         self._cancel = threading.Event()
         if self.pace:
@@ -158,11 +165,11 @@ class FakeArm:
             self._play(goal, on_phase, on_end)
 
     def cancel(self) -> None:
-        """The goal that runs ends."""
+        """End the present goal."""
         self._cancel.set()
 
     def stop(self, reason: str) -> None:
-        """Latching."""
+        """End the present goal, and refuse others until `resume`."""
         self.stops += 1
         self.stopped = True
         self._cancel.set()
@@ -171,13 +178,13 @@ class FakeArm:
         """End a stop."""
         self.stopped = False
 
-    def _play(self, goal: PickPlaceGoal, on_phase: OnPhase, on_end: OnEnd) -> None:
+    def _play(self, goal: ActionGoal, on_phase: OnPhase, on_end: OnEnd) -> None:
         on_phase(ACCEPTED, 0.0)
         phases = _PHASES[:2] if goal.plan_only or not _moves(self.result.outcome) else _PHASES
         for number, phase in enumerate(phases):
             on_phase(phase, number / len(phases))
             if self.pace and self._cancel.wait(self.pace):
-                on_end(ArmResult(Outcome.CANCELLED, f"cancelled during {phase.lower()}; the arm holds"))
+                on_end(ActionResult(Outcome.CANCELLED, f"cancelled during {phase.lower()}; the arm holds"))
                 return
         result = self.result
         if goal.plan_only and result.outcome is Outcome.SUCCEEDED:
@@ -192,30 +199,30 @@ def _moves(outcome: Outcome) -> bool:
 
 
 class FakePolicy:
-    """Proposes one pick and one place, when it waits for approval; attach the station to hear it."""
+    """Policy that proposes one pick and one place, when it waits for approval; attach the station to hear it."""
 
     def __init__(self, pick: PlanarPose, place: PlanarPose, waits: bool | None = True) -> None:
         self.pick, self.place, self.waits = pick, place, waits
         self.heard: list[str] = []
-        self.on_status: Callable[[PolicyState, str, str, float | None], None] = lambda *_: None
+        self.on_status: Callable[[ServerStatus], None] = lambda *_: None
         self.on_pose: Callable[[str, PlanarPose, int], None] = lambda *_: None
-        self.failure, self.confidence = "", 0.83
+        self.failure, self.confidence, self.primitive = "", 0.83, Primitive.PICK_PLACE
 
-    def ask_whether_it_waits(self, on_answer: Callable[[bool | None], None]) -> None:
-        """As set."""
+    def ask_require_approval(self, on_answer: Callable[[bool | None], None]) -> None:
+        """Answer as was set."""
         on_answer(self.waits)
 
     def instruct(self, text: str) -> None:
-        """Propose at once; an empty text drops."""
+        """Propose at once; an empty text drops the proposal."""
         self.heard.append(text)
         if not text:
-            self.on_status(PolicyState.IDLE, "stopped by an empty instruction", "", None)
+            self.on_status(ServerStatus(PolicyState.IDLE, "stopped by an empty instruction", ""))
         elif self.failure:
-            self.on_status(PolicyState.FAILED, self.failure, text, None)
+            self.on_status(ServerStatus(PolicyState.FAILED, self.failure, text))
         else:
-            self.on_status(PolicyState.PROPOSING, "choosing", text, None)
+            self.on_status(ServerStatus(PolicyState.PROPOSING, "choosing", text))
             stamp_ns = time.monotonic_ns()
             self.on_pose("pick", self.pick, stamp_ns)
             self.on_pose("place", self.place, stamp_ns)
-            waiting = "waiting for a call of /cliport/approve"
-            self.on_status(PolicyState.WAITING_FOR_APPROVAL, waiting, text, self.confidence)
+            waiting = ServerStatus(PolicyState.WAITING_FOR_APPROVAL, f"waiting for a call of {topics.APPROVE}", text)
+            self.on_status(waiting._replace(confidence=self.confidence, primitive=self.primitive))

@@ -1,4 +1,4 @@
-"""An arm and a gripper that obey at once: for tests, and for trying plans without a robot."""
+"""An arm and a gripper that obey at once."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from panda_executor.limits import READY_POSITIONS, FloatArray
 from panda_executor.ports import GripperResult, MotionResult, MotionStatus, ShouldStop
 from panda_executor.trajectory import JointTrajectory
+from panda_model import FloatArray, load_preset
 
 _ABORTED = MotionResult(MotionStatus.ABORTED, "path tolerance violated")
 
@@ -22,14 +22,14 @@ class FakeArm:
     motion's number and the share done, between points.
     """
 
-    positions: FloatArray = field(default_factory=READY_POSITIONS.copy)
+    positions: FloatArray = field(default_factory=lambda: load_preset().ready.copy())
     fail_at: int | None = None
     failure: MotionResult = _ABORTED
     on_step: Callable[[int, float], None] = lambda motion, share: None
     sent: list[JointTrajectory] = field(default_factory=list)
 
     def joint_positions(self) -> FloatArray:
-        """(7,) [rad]."""
+        """Return the positions (7,) [rad]."""
         return np.array(self.positions)
 
     def execute(self, trajectory: JointTrajectory, should_stop: ShouldStop) -> MotionResult:
@@ -51,18 +51,18 @@ class FakeArm:
 class FakeGripper:
     """Closes down to object_width [m], 0 for nothing between the fingers."""
 
-    opening: float = 0.08
+    opening: float = field(default_factory=lambda: load_preset().hand.opening)
     object_width: float = 0.04
     failure: GripperResult | None = None
     moves: list[float] = field(default_factory=list)
     stops: int = 0
 
     def width(self) -> float:
-        """Full distance between the fingers [m]."""
+        """Return the full distance between the fingers [m]."""
         return self.opening
 
     def move(self, width: float, max_effort: float, should_stop: ShouldStop) -> GripperResult:
-        """At once, as far as the object lets it."""
+        """Close or open at once, as far as the object lets it."""
         self.moves.append(width)
         if should_stop():
             return GripperResult(self.opening, False, False, MotionStatus.CANCELLED, "stopped")
@@ -76,6 +76,6 @@ class FakeGripper:
         self.stops += 1
 
     def lose_object(self) -> None:
-        """The object slips out: the fingers close all the way."""
+        """Let the object slip out: the fingers close all the way."""
         self.object_width = 0.0
         self.opening = 0.0

@@ -1,0 +1,29 @@
+"""Activities of the station, and the hooks by which they reach its other parts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from enum import Enum
+from typing import NamedTuple
+
+
+class Activity(Enum):
+    """Present activity of the station; the values are the page's."""
+
+    NONE = "ready"
+    PLANNING = "planning"
+    EXECUTING = "executing"
+    RECORDING = "recording"
+    PROPOSING = "proposing"
+
+
+class StationHooks(NamedTuple):
+    """Functions of the station that its work calls.
+
+    on_recorded: called after a step was recorded. on_rest: called after the arm moved.
+    policy_moves: returns True while the policy server has the arm.
+    """
+
+    on_recorded: Callable[[], None]
+    on_rest: Callable[[], None]
+    policy_moves: Callable[[], bool]

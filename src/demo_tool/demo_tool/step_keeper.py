@@ -1,0 +1,69 @@
+"""Keeper of the step that moved the arm, until it is on the disk."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from dataclasses import dataclass
+
+from cliport_core.outcome import ActionResult
+from cliport_episodes.errors import EpisodesError
+from demo_tool.draft_desk import DrawnAction
+from demo_tool.errors import NotNowError
+from demo_tool.recording import Recorder
+from demo_tool.station_config import StationConfig
+from demo_tool.steps import record_of
+
+
+@dataclass(frozen=True)
+class MovedStep:
+    """A step that moved the arm; words: its result as a phrase."""
+
+    drawn: DrawnAction
+    instruction: str
+    result: ActionResult
+    words: str
+
+
+class StepKeeper:
+    """Keeper of a step that moved the arm and could not be recorded, to be saved again or dropped."""
+
+    def __init__(self, recorder: Recorder, config: StationConfig) -> None:
+        self._recorder, self._config = recorder, config
+        self.unsaved: MovedStep | None = None
+
+    def save(self, step: MovedStep) -> None:
+        """Record a step, and keep it where that fails. Raises EpisodesError, StationError, OSError."""
+        self.unsaved = step
+        self._recorder.add_step(
+            step.drawn.view.raw,
+            lambda number: record_of(number, step.drawn, step.instruction, step.result, self._config),
+        )
+        self.unsaved = None
+
+    def save_again(self) -> MovedStep:
+        """Record the kept step. Raises NotNowError when there is none; EpisodesError, StationError, OSError."""
+        step = self._kept()
+        self.save(step)
+        return step
+
+    def drop(self) -> MovedStep:
+        """Drop the kept step. Raises NotNowError when there is none."""
+        step = self._kept()
+        self.unsaved = None
+        return step
+
+    def refuse_when_unsaved(self) -> None:
+        """Raise NotNowError while a step is kept: later steps must not be recorded before it."""
+        if self.unsaved is not None:
+            raise NotNowError("the last step moved the arm and is not saved: save it again, or drop it")
+
+    def close(self) -> None:
+        """Try a last time to record the kept step."""
+        if self.unsaved is not None:
+            with suppress(EpisodesError, NotNowError, OSError):
+                self.save_again()
+
+    def _kept(self) -> MovedStep:
+        if self.unsaved is None:
+            raise NotNowError("every step is saved")
+        return self.unsaved

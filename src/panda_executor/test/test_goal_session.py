@@ -1,0 +1,155 @@
+"""One goal over a runner that is played: which clouds will do, and in which state the goal's handle ends."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from ros_clouds import raw_cloud
+
+from cliport_core.action import ActionGoal, PickPlaceAction
+from cliport_core.messages import goal_to_msg, result_from_msg
+from cliport_core.outcome import ActionResult, Outcome
+from cliport_core.pose import PlanarPose, Pose
+from cliport_core.workspace import WorkspaceSpec
+from panda_executor.camera_place import CameraPlace
+from panda_executor.cloud_cache import CloudCache
+from panda_executor.config import ExecutorConfig
+from panda_executor.gate import Gate
+from panda_executor.goal_session import GoalSession
+from panda_executor.node_parameters import NodeParameters
+from panda_model import load_preset
+
+S = 1_000_000_000
+GOAL = ActionGoal(PickPlaceAction(PlanarPose(0.45, 0.1, 0.3), PlanarPose(0.5, -0.2, 0.3)))
+LOGGER = logging.getLogger("test")
+
+
+class Handle:
+    """A goal's handle as rclpy's: it may only end as cancelled when a cancel was asked for."""
+
+    def __init__(self) -> None:
+        self.request = goal_to_msg(GOAL, "panda_link0")
+        self.is_cancel_requested = False
+        self.ended: list[str] = []
+
+    def publish_feedback(self, feedback: Any) -> None:
+        assert not self.ended
+
+    def succeed(self) -> None:
+        self.ended.append("succeeded")
+
+    def abort(self) -> None:
+        self.ended.append("aborted")
+
+    def canceled(self) -> None:
+        assert self.is_cancel_requested, "rclpy refuses this transition"
+        self.ended.append("cancelled")
+
+
+class Session:
+    """A session at a time that the test sets; `act` is what the runner does, given should_stop."""
+
+    def __init__(self) -> None:
+        self.now, self.gate, self.clouds = 10.0, Gate(), CloudCache()
+        self.act: Callable[[Callable[[], bool]], Outcome] = lambda should_stop: Outcome.SUCCEEDED
+        parameters = NodeParameters(
+            load_preset("panda"), "", ExecutorConfig(), WorkspaceSpec(),
+            max_cloud_age=2.0, max_joint_age=0.5, cloud_behind=0.0, cloud_wait=0.0,
+        )  # fmt: skip
+        camera = CameraPlace("panda_link0")
+        camera.put("panda_link0", "camera", Pose.identity())
+        camera.see("camera")
+        self.planner, self.camera_position = self, np.full(3, np.nan)
+        self._session = GoalSession(self, self.clouds, camera, parameters, self.gate, lambda: int(self.now * S))  # type: ignore[arg-type]
+
+    def run(self, request: Any, cloud: Any, workspace: Any, on_phase: Any, should_stop: Any) -> ActionResult:
+        """The runner."""
+        cloud()
+        return ActionResult(self.act(should_stop), "the runner's words")
+
+    def place_camera(self, position: Any) -> None:
+        """The runner's planner."""
+        self.camera_position = position
+
+    def see(self, stamp: float) -> None:
+        self.clouds.put(raw_cloud(np.zeros((4, 3), np.float32), int(stamp * S)))
+
+    def ask(self, handle: Handle | None = None) -> tuple[ActionResult, Handle]:
+        handle = handle or Handle()
+        result = result_from_msg(self._session.run(handle, LOGGER))  # type: ignore[arg-type]
+        assert len(handle.ended) == 1
+        return result, handle
+
+
+@pytest.fixture
+def session() -> Session:
+    return Session()
+
+
+def test_a_cloud_from_before_the_last_motions_end_is_rejected(session: Session) -> None:
+    def move(_: Callable[[], bool]) -> Outcome:
+        session.now += 5.0
+        return Outcome.SUCCEEDED
+
+    session.act = move
+    session.see(9.9)
+    assert session.ask()[0].outcome is Outcome.SUCCEEDED
+    session.see(14.8)
+    rejected, handle = session.ask()
+    assert (rejected.outcome, handle.ended) == (Outcome.REJECTED, ["aborted"])
+    assert "while the arm still moved" in rejected.message
+    session.see(15.0)
+    assert session.ask()[0].outcome is Outcome.SUCCEEDED
+
+
+def test_a_motion_that_failed_counts_as_one(session: Session) -> None:
+    def fail(_: Callable[[], bool]) -> Outcome:
+        session.now += 1.0
+        raise RuntimeError("the arm is lost")
+
+    session.act = fail
+    session.see(10.0)
+    failed, handle = session.ask()
+    assert (failed.outcome, handle.ended) == (Outcome.EXECUTION_FAILED, ["aborted"])
+    assert "RuntimeError: the arm is lost" in failed.message
+    session.act = lambda should_stop: Outcome.SUCCEEDED
+    assert "while the arm still moved" in session.ask()[0].message
+
+
+def test_a_stop_that_nobody_cancelled_ends_as_aborted(session: Session) -> None:
+    def stopped(should_stop: Callable[[], bool]) -> Outcome:
+        assert not should_stop()
+        session.gate.latch("stopped on request")
+        assert should_stop()
+        return Outcome.CANCELLED
+
+    session.act = stopped
+    session.see(10.0)
+    result, handle = session.ask()
+    assert (result.outcome, handle.ended) == (Outcome.CANCELLED, ["aborted"])
+
+
+def test_a_cancel_ends_as_cancelled(session: Session) -> None:
+    asked = Handle()
+
+    def cancelled(should_stop: Callable[[], bool]) -> Outcome:
+        asked.is_cancel_requested = True
+        assert should_stop()
+        return Outcome.CANCELLED
+
+    session.act = cancelled
+    session.see(10.0)
+    assert session.ask(asked)[1].ended == ["cancelled"]
+
+
+@pytest.mark.parametrize("outcome", [Outcome.SUCCEEDED, Outcome.PLANNED, Outcome.GRASP_MISSED, Outcome.PLANNING_FAILED])
+def test_other_ends_succeed_or_abort(session: Session, outcome: Outcome) -> None:
+    session.act = lambda should_stop: outcome
+    session.see(10.0)
+    result, handle = session.ask()
+    well = outcome in (Outcome.SUCCEEDED, Outcome.PLANNED)
+    assert (result.outcome, handle.ended) == (outcome, ["succeeded" if well else "aborted"])
