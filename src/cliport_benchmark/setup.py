@@ -6,7 +6,7 @@ setup(
     name=package_name,
     version="0.1.0",
     packages=find_packages(exclude=["test"]),
-    package_data={package_name: ["py.typed", "phrasings/*.txt", "paper_results.csv"]},
+    package_data={package_name: ["py.typed", "phrasings/*.txt", "paper_results.csv", "paper_results_test.csv"]},
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/" + package_name]),
         ("share/" + package_name, ["package.xml"]),
@@ -26,6 +26,7 @@ setup(
             "evaluate_graph = cliport_benchmark.evaluate_graph:main",
             "demo = cliport_benchmark.demo:main",
             "bench = cliport_benchmark.bench:main",
+            "card_scores = cliport_benchmark.card_scores:main",
             "results = cliport_benchmark.results:main",
             "experiment = cliport_benchmark.experiment_cli:main",
             "gallery = cliport_benchmark.gallery_cli:main",

@@ -1,68 +1,88 @@
-"""Who decides in an evaluation: the expert, who knows the scene, or a policy, who sees the heightmap."""
+"""Who decides in an evaluation: the expert, one without words, who both know the scene, or a policy, who sees it."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, TypeAlias
+
+import numpy as np
 
 from cliport_benchmark.errors import OptionError
-from cliport_perception import Heightmap, PlanarPose, Primitive
+from cliport_core import Heightmap, PickPlaceAction
 from cliport_policy.errors import PolicyError
 from cliport_policy.policy import Policy, load_policy
+from sim_bridge.task_mechanics.blind import BlindChooser
 from sim_bridge.tasks import Task
+from sim_bridge.world import SimWorld
 
 EXPERT = "expert"
+BLIND = "blind"
+BUILT_IN = (EXPERT, BLIND)  # agents without weights
 
-
-@dataclass(frozen=True)
-class Decision:
-    """One pick and place in the base frame; done_probability: how likely the agent holds the goal reached."""
-
-    pick: PlanarPose
-    place: PlanarPose
-    primitive: Primitive
-    done_probability: float | None = None
+Answer: TypeAlias = tuple[PickPlaceAction | None, float | None]
 
 
 class Agent(Protocol):
     """Decides what to do next."""
 
-    def decide(self, task: Task, observation: Heightmap, instruction: str) -> Decision | None:
-        """The next action; None when the agent sees nothing left to do."""
+    def new_scene(self, task: Task, world: SimWorld, rng: np.random.Generator) -> None:
+        """Take note that the world was reset to a task; rng draws the choices of an agent that makes any."""
+
+    def decide(self, task: Task, observation: Heightmap, instruction: str) -> Answer:
+        """Return the next action, None where the agent sees nothing left to do, and how likely it holds the goal
+        reached, 0..1, None where it does not say."""
 
 
 class ExpertAgent:
     """Asks the task."""
 
-    def decide(self, task: Task, observation: Heightmap, instruction: str) -> Decision | None:
+    def new_scene(self, task: Task, world: SimWorld, rng: np.random.Generator) -> None:
         """See Agent."""
-        action = task.expert_action()
-        return None if action is None else Decision(action.pick, action.place, action.primitive)
+
+    def decide(self, task: Task, observation: Heightmap, instruction: str) -> Answer:
+        """See Agent."""
+        return task.expert_action(), None
+
+
+class BlindAgent:
+    """Moves things as well as the expert, but does not hear the sentence (docs/benchmark.md, "Chance")."""
+
+    def __init__(self) -> None:
+        self._chooser: BlindChooser | None = None
+
+    def new_scene(self, task: Task, world: SimWorld, rng: np.random.Generator) -> None:
+        """See Agent."""
+        self._chooser = BlindChooser(task, world, rng)
+
+    def decide(self, task: Task, observation: Heightmap, instruction: str) -> Answer:
+        """See Agent."""
+        return (self._chooser.action() if self._chooser else None), None
 
 
 class PolicyAgent:
-    """Asks a trained policy, which gets the observation and the sentence and nothing else.
-
-    The primitive is not its choice: it is the task's.
-    """
+    """Asks a trained policy, which gets the observation and the sentence and nothing else."""
 
     def __init__(self, policy: Policy) -> None:
         self.policy = policy
 
-    def decide(self, task: Task, observation: Heightmap, instruction: str) -> Decision | None:
+    def new_scene(self, task: Task, world: SimWorld, rng: np.random.Generator) -> None:
         """See Agent."""
-        action = self.policy.infer(observation, instruction)
-        return Decision(action.pick, action.place, task.primitive, action.done_probability)
+
+    def decide(self, task: Task, observation: Heightmap, instruction: str) -> Answer:
+        """See Agent."""
+        inference = self.policy.infer(observation, instruction)
+        return inference.action, inference.done_probability
 
 
 def load_agent(checkpoint: str) -> Agent:
-    """The expert, or the policy of a path, a shipped name or `default`.
+    """The expert, the one without words, or the policy of a path, a shipped name or `default`.
 
     Raises:
         OptionError: when the checkpoint cannot be used.
     """
     if checkpoint == EXPERT:
         return ExpertAgent()
+    if checkpoint == BLIND:
+        return BlindAgent()
     try:
         return PolicyAgent(load_policy(checkpoint))
     except PolicyError as error:

@@ -9,15 +9,15 @@ import numpy as np
 
 from cliport_benchmark.observer import Observer
 from cliport_benchmark.sim_arm import SimArmPort, SimGripperPort, SimMotion
-from cliport_perception import PlanarPose, Primitive
+from cliport_core import ActionGoal, ActionResult, PickPlaceAction, Primitive
 from panda_executor.config import ExecutorConfig
 from panda_executor.model import PandaModel
-from panda_executor.request import Phase, PickPlaceRequest, PickPlaceResult
+from panda_executor.phase import Phase
 from panda_executor.runner import PickPlaceRunner
 from panda_executor.transfer import TransferPlanner
-from sim_bridge.objects.sleeping import come_to_rest, sleep_where_still
-from sim_bridge.panda import MAX_WIDTH, READY_POSITIONS
 from sim_bridge.rendering.camera import RgbdFrame
+from sim_bridge.robot import HAND, ROBOT
+from sim_bridge.sleeping import come_to_rest, sleep_where_still
 from sim_bridge.world import SimWorld
 
 _NO_LIMIT = 600.0  # [s]
@@ -29,48 +29,51 @@ _REST = 0.1  # after an action, before the world is judged to be still [s]
 class ArmHand:
     """The arm of one world. Deterministic: the same world and requests give the same motions.
 
-    on_tick: called after every step of the world that the arm makes.
+    on_tick: called after every step of the world that the arm makes. exact_offset: a thing that is picked off its
+    middle is placed as far off, instead of centred.
     """
 
-    def __init__(self, world: SimWorld, observer: Observer, on_tick: Callable[[], None] | None = None) -> None:
+    def __init__(
+        self,
+        world: SimWorld,
+        observer: Observer,
+        on_tick: Callable[[], None] | None = None,
+        exact_offset: bool = False,
+    ) -> None:
         self._world = world
         self._observer = observer
         self._motion = SimMotion(world, on_tick)
         self._gripper = SimGripperPort(self._motion)
-        config, model = _executor_config(), PandaModel()
+        config, model = replace(_executor_config(), centre_grasp=not exact_offset), PandaModel(ROBOT)
+        planner = TransferPlanner(model, config)
+        planner.place_camera(observer.camera.camera_in_base.translation)
         self._runner = PickPlaceRunner(
             model,
-            TransferPlanner(model, config),
+            planner,
             SimArmPort(self._motion),
             self._gripper,
             config,
         )
 
-    def new_scene(self) -> None:
-        """The world was reset: the arm is at home."""
+    def new_scene(self, primitive: Primitive) -> None:
+        """Take note that the world was reset, with the arm at home, to a scene in which the hand does that."""
         self._motion.reset()
-        if self._world.task is not None and self._world.task.primitive is not Primitive.PICK_PLACE:
+        if primitive is not Primitive.PICK_PLACE:
             come_to_rest(self._world)
 
-    def execute(
-        self,
-        pick: PlanarPose,
-        place: PlanarPose,
-        frame: RgbdFrame,
-        primitive: Primitive = Primitive.PICK_PLACE,
-    ) -> PickPlaceResult:
+    def execute(self, action: PickPlaceAction, frame: RgbdFrame) -> ActionResult:
         """Do it, with the frame's cloud for grasp height and obstacles, and let the world settle."""
-        drags = primitive is not Primitive.PICK_PLACE
+        drags = action.primitive is not Primitive.PICK_PLACE
         result = self._runner.run(
-            PickPlaceRequest(pick, place, primitive),
+            ActionGoal(action),
             self._observer.cloud(frame),
             self._observer.workspace,
             self._rest_behind if drags else _ignore,
             _never,
         )
-        away = np.abs(self._world.panda.state().positions - np.array(READY_POSITIONS)).max()
+        away = np.abs(self._world.panda.state().positions - ROBOT.ready).max()
         if away > _HOME_TOLERANCE:  # the request ended early: let go and clear the camera's view
-            self._gripper.move(MAX_WIDTH, _OPEN_FORCE, _never)
+            self._gripper.move(HAND.opening, _OPEN_FORCE, _never)
             self._runner.go_ready()
         self._motion.rest(_REST)
         if drags:
@@ -87,7 +90,7 @@ class ArmHand:
 
 def _executor_config() -> ExecutorConfig:
     """The executor's own, but bounded by checks alone: how fast the machine is must not change a score."""
-    config = ExecutorConfig()
+    config = ExecutorConfig.for_arm(ROBOT)
     search = replace(config.search, time_limit=_NO_LIMIT)
     return replace(config, search=search, planning_time=_NO_LIMIT)
 

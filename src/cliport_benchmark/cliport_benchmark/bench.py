@@ -57,14 +57,16 @@ def bench_camera_and_action() -> list[Row]:
     render_*: one window of the image on one thread, as data is generated, of a scene that stays and of ever new looks.
     """
     from cliport_benchmark.observer import Observer
+    from cliport_benchmark.variation import Variation
     from cliport_perception.heightmap_builder import HeightmapBuilder
     from cliport_policy import load_policy
     from sim_bridge.rendering.camera import CameraConfig, SimCamera
     from sim_bridge.rendering.sensor_noise import NoiseConfig
+    from sim_bridge.scene import reset_scene
     from sim_bridge.world import SimConfig, SimWorld
 
     world = SimWorld(SimConfig())
-    task = world.reset(TASK, "test", 0)
+    task = reset_scene(world, TASK, "test", 0)
     camera = SimCamera()
     rng = np.random.default_rng(0)
     frame = camera.capture(world, rng)
@@ -72,7 +74,8 @@ def bench_camera_and_action() -> list[Row]:
     heightmap = builder.build(frame.color, frame.depth)
     policy = load_policy("default")
     perfect = SimCamera(CameraConfig(noise=NoiseConfig.none()))
-    still, changing = (Observer(world.config, n_threads=1, randomize=randomize) for randomize in (False, True))
+    still = Observer(world.config, n_threads=1)
+    changing = Observer(world.config, n_threads=1, variation=Variation.parse("light,mounting"))
 
     def new_look() -> None:
         changing.new_scene(rng)
@@ -93,23 +96,25 @@ def bench_camera_and_action() -> list[Row]:
 def bench_planning() -> list[Row]:
     """All motions of one pick and place, planned from the ready pose in scenes of the task."""
     from cliport_benchmark.observer import Observer
+    from cliport_core import PickPlaceAction
     from panda_executor.model import PandaModel
-    from panda_executor.request import PickPlaceRequest
     from panda_executor.transfer import TransferPlanner
+    from sim_bridge.scene import reset_scene
     from sim_bridge.world import SimConfig, SimWorld
 
     sim = SimConfig()
     world, observer, planner = SimWorld(sim), Observer(sim), TransferPlanner(PandaModel())
+    planner.place_camera(observer.camera.camera_in_base.translation)
     samples = []
     for seed in range(20):
-        task = world.reset(TASK, "val", seed)
+        task = reset_scene(world, TASK, "val", seed)
         action = task.expert_action()
         if action is None:
             continue
         cloud = observer.cloud(observer.frame(world))
-        request = PickPlaceRequest(action.pick, action.place)
+        asked = PickPlaceAction(action.pick, action.place)
         start = time.perf_counter()
-        planner.plan(request, cloud, sim.workspace, planner.ready)
+        planner.plan(asked, cloud, sim.workspace, planner.ready)
         samples.append(1000 * (time.perf_counter() - start))
     world.close()
     return [row("plan_transfer", samples, "ms")]

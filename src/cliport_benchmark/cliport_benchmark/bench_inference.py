@@ -13,7 +13,7 @@ from pathlib import Path
 _ACT = """
 import json, sys, time
 import numpy as np
-from cliport_perception.heightmap import Heightmap
+from cliport_core.heightmap import Heightmap
 from cliport_policy import load_policy
 def sizes():
     with open("/proc/self/status") as file:
@@ -84,7 +84,7 @@ def _write_random_clip(path: Path) -> None:
 
 
 def _write_random_cliport(path: Path) -> None:
-    from cliport_perception.workspace import WorkspaceSpec
+    from cliport_core.workspace import WorkspaceSpec
     from cliport_policy.checkpoint import ANCHORS, Card, save_checkpoint
     from cliport_policy.language import ENCODER_NAME, shared_encoder
     from cliport_policy.named_configs import load_network_config
@@ -106,7 +106,7 @@ def tricks() -> Iterator[tuple[str, Callable[[], object]]]:
     from torch.nn import functional as F
 
     from cliport_policy.networks.correlation import correlate_inside
-    from cliport_policy.networks.fusion import LateralFusion
+    from cliport_policy.networks.streams.fusion import LateralFusion
 
     key, window = torch.randn(1, 3, 384, 224), torch.randn(1, 36, 3, 64, 64)
     x, lateral = (torch.randn(1, c, 640, 640).bfloat16().to(memory_format=torch.channels_last) for c in (16, 32))

@@ -15,7 +15,6 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 import rclpy
 from rosgraph_msgs.msg import Clock
@@ -26,7 +25,10 @@ from websockets.typing import Origin
 from cliport_benchmark.errors import BenchmarkError
 from cliport_benchmark.graph_process import GraphProcess
 from cliport_benchmark.page_process import PageProcess
-from cliport_perception.ros_running import SpinThread
+from cliport_core import topics
+from cliport_core.errors import ImageError
+from cliport_core.image_files import decode_color_file
+from cliport_core.ros_running import SpinThread
 
 WIDTH = 960  # of the camera's picture and of the page's [pixels]
 _READY_S = 120.0
@@ -76,7 +78,7 @@ class _SimulatedTime:
         self._context = rclpy.Context()
         self._context.init()
         self._node = rclpy.create_node("bench_page", context=self._context)
-        self._node.create_subscription(Clock, "/clock", self._take, 100)  # type: ignore[arg-type]
+        self._node.create_subscription(Clock, topics.CLOCK, self._take, 100)  # type: ignore[arg-type]
         self._spinner = SpinThread(self._node, lambda _: None, self._context)
         deadline = time.monotonic() + _HEARD_S
         while not self._said and time.monotonic() < deadline:
@@ -130,12 +132,15 @@ def _pictures(page: PageProcess, n: int) -> Iterator[tuple[int, int]]:
         if answer.status != 200:
             raise BenchmarkError(f"the page's picture was refused: {answer.status} {file[:80].decode()}")
         took = round(1000 * (time.perf_counter() - began))
-        picture = cv2.imdecode(np.frombuffer(file, np.uint8), cv2.IMREAD_COLOR)
+        try:
+            picture = decode_color_file(file)
+        except ImageError as error:
+            raise BenchmarkError(f"the page's picture cannot be read: {error}") from None
         arrived = time.time_ns()
         after, known = answer.headers["X-Sequence"], f"&level={answer.headers['X-Level']}&took={took}"
         count += 1
         if count > 0:
-            if picture is None or picture.shape[1] != WIDTH:
+            if picture.shape[1] != WIDTH:
                 raise BenchmarkError(f"the page's picture is not {WIDTH} pixels wide: the link is too slow for it")
             yield int(answer.headers["X-Stamp-Ns"]), arrived
     connection.close()

@@ -6,14 +6,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from cliport_episodes.observation import COLOR_TOPIC, DEPTH_TOPIC, Observation
+from cliport_core import Pose, topics
+from cliport_episodes.observation import Observation
 from cliport_episodes.observation_messages import messages_from_observation
 from cliport_episodes.raw import RawMessage
-from cliport_perception import CameraModel, Pose
-from sim_bridge.panda import ARM_JOINT_NAMES, FINGER_JOINT_NAMES, ArmState
+from cliport_perception import CameraModel
+from sim_bridge.panda import ArmState
 from sim_bridge.rendering.camera import OPTICAL_FRAME, RgbdFrame
+from sim_bridge.robot import ROBOT
 
-BASE_FRAME = "panda_link0"
+BASE_FRAME = ROBOT.base_frame
 _LATENCY_NS = 40_000_000
 
 
@@ -25,7 +27,7 @@ def observation_messages(
     The images are received a little later than the rest, so that a replay has that when they come.
     """
     positions = np.concatenate([state.positions, state.finger_positions]).tolist()
-    joints = dict(zip([*ARM_JOINT_NAMES, *FINGER_JOINT_NAMES], positions, strict=True))
+    joints = dict(zip(ROBOT.joints, positions, strict=True))
     messages = messages_from_observation(
         Observation(stamp_ns, frame.color, frame.depth, camera, camera_in_base, joints),
         OPTICAL_FRAME,
@@ -33,5 +35,5 @@ def observation_messages(
         velocities=[*state.velocities, *state.finger_velocities],
         efforts=[*state.efforts, 0.0, 0.0],
     )
-    images, later = (COLOR_TOPIC, DEPTH_TOPIC), stamp_ns + _LATENCY_NS
+    images, later = (topics.COLOR, topics.DEPTH), stamp_ns + _LATENCY_NS
     return [replace(raw, stamp_ns=later) if raw.topic in images else raw for raw in messages]

@@ -14,6 +14,8 @@ from PIL import Image
 from cliport_benchmark.errors import BenchmarkError
 from cliport_benchmark.graph_client import OVERLAYS, Ended, GraphClient
 from cliport_benchmark.graph_process import GraphProcess
+from cliport_core.errors import InstructionError
+from cliport_core.instruction import normalized_instruction
 from cliport_interfaces.msg import PolicyStatus
 
 READY_TIMEOUT = 120.0
@@ -76,14 +78,15 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="demo", description="Watch the graph do what a sentence says.")
     parser.add_argument("--task", default="put-blocks-in-bowls-seen-colors")
     parser.add_argument("--seed", type=int, default=3)
-    parser.add_argument("--instruction", default="")
+    parser.add_argument("--instruction", default="", type=_instruction)
+    parser.add_argument("--checkpoint", default="default", help="path, name of a shipped one, or default")
     parser.add_argument("--out", default="out/demo")
     return parser
 
 
 def _run(args: argparse.Namespace, out: Path) -> tuple[float, Ended]:
     _say(f"starting the graph (its output: {out}/graph.log)")
-    arguments = {"task": args.task, "split": "test", "seed": str(args.seed)}
+    arguments = {"task": args.task, "split": "test", "seed": str(args.seed), "checkpoint": args.checkpoint}
     film = Film()
     with (
         GraphProcess("sim.launch.yaml", arguments, out / "graph.log") as graph,
@@ -122,6 +125,14 @@ def _set_scene(client: GraphClient, args: argparse.Namespace) -> str:
         _say(f"{error}; the scene is the seed's own")
         client.reset(args.task, "test", args.seed)
     return str(args.instruction)
+
+
+def _instruction(text: str) -> str:
+    """Return what the policy server will take; argparse says in one line why not."""
+    try:
+        return normalized_instruction(text)
+    except InstructionError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
 
 
 class _StatusPrinter:

@@ -7,17 +7,17 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from cliport_benchmark.agents import Agent, Decision
+from cliport_benchmark.agents import Agent
 from cliport_benchmark.arm_hand import ArmHand
-from cliport_benchmark.chance import chance_score
 from cliport_benchmark.observer import Observer
-from cliport_perception import PlanarPose
+from cliport_core import ActionResult, PickPlaceAction, PlanarPose
 from cliport_policy.errors import PolicyError
-from panda_executor.request import PickPlaceResult
-from sim_bridge.tasks import Choice, PutBlocksInBowls, Task
-from sim_bridge.world import SimWorld, scene_rng
+from sim_bridge.errors import PhysicsError
+from sim_bridge.scene import scene_rng
+from sim_bridge.tasks import JudgedAction, Task
+from sim_bridge.world import SimWorld
 
-_NOISE_STREAM, _CHANCE_STREAM = 4, 5  # of scene_rng
+_NOISE_STREAM, _CHANCE_STREAM, _AGENT_STREAM = 4, 5, 6  # of scene_rng
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,8 @@ class Step:
 @dataclass(frozen=True)
 class Episode:
     """One scene's outcome; score 0..1. instruction: the first. chance: what random choices would score on
-    average, where that is known. error: why the agent stopped before its steps were spent."""
+    average, where that is known. error: why the agent stopped before its steps were spent. redraws: scenes that were
+    drawn in vain before this one. broken: objects flew apart in the last action: the score is what stood before it."""
 
     seed: int
     score: float
@@ -54,6 +55,8 @@ class Episode:
     simulated_s: float
     error: str
     actions: tuple[Step, ...]
+    redraws: int = 0
+    broken: bool = False
 
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> Episode:
@@ -70,20 +73,20 @@ def run_episode(
     task: Task,
     seed: int,
     sentence: Callable[[Task], str],
+    exact_offset: bool = False,
 ) -> Episode:
     """Let the agent act until the task is reached or its steps are spent; sentence: what to say before each step.
 
-    The world is freshly reset to the task.
+    The world is freshly reset to the task. exact_offset: what `hand` was made with.
 
     Raises:
-        PhysicsError: when objects flew apart: the episode is worth nothing.
+        PhysicsError: when objects flew apart before the first action: the scene is worth nothing.
     """
     observer.new_scene(scene_rng(task.name, task.split, seed, _NOISE_STREAM))
-    chance = None
-    if isinstance(task, PutBlocksInBowls):
-        chance = chance_score(task, scene_rng(task.name, task.split, seed, _CHANCE_STREAM))
-    hand.new_scene()
-    first, start, error = sentence(task), world.time, ""
+    chance = task.chance_score(scene_rng(task.name, task.split, seed, _CHANCE_STREAM))
+    hand.new_scene(task.primitive)
+    agent.new_scene(task, world, scene_rng(task.name, task.split, seed, _AGENT_STREAM))
+    first, start, error, score, broken = sentence(task), world.time, "", 0.0, False
     steps: list[Step] = []
     for _ in range(task.max_steps):
         if task.done():
@@ -91,20 +94,25 @@ def run_episode(
         frame = observer.frame(world)
         said = sentence(task)
         try:
-            decision = agent.decide(task, observer.heightmap(frame), said)
+            action, done_probability = agent.decide(task, observer.heightmap(frame), said)
         except PolicyError as refusal:
             error = str(refusal)
             break
-        if decision is None:
+        if action is None:
             error = "the agent sees nothing that can be done"
             break
-        meant = task.judge(decision.pick, decision.place)
-        result = hand.execute(decision.pick, decision.place, frame, decision.primitive)
+        meant = task.judge(action.pick, action.place, exact_offset)
+        try:
+            result = hand.execute(action, frame)
+        except PhysicsError as burst:
+            error, broken = str(burst), True
+            break
         task.advance()
-        steps.append(_step(said, decision, meant, result, task.score()))
+        score = task.score()
+        steps.append(_step(said, action, done_probability, meant, result, score))
     return Episode(
         seed,
-        task.score(),
+        score,
         len(steps),
         task.max_steps,
         task.goals_reached,
@@ -113,23 +121,31 @@ def run_episode(
         round(round((world.time - start) / world.dt) * world.dt, 3),  # whole steps: the start must not matter
         error,
         tuple(steps),
+        task.redraws,
+        broken,
     )
 
 
-def _step(said: str, decision: Decision, meant: Choice, result: PickPlaceResult, score: float) -> Step:
-    done = decision.done_probability
+def _step(
+    said: str,
+    action: PickPlaceAction,
+    done_probability: float | None,
+    meant: JudgedAction,
+    result: ActionResult,
+    score: float,
+) -> Step:
     return Step(
         said,
-        decision.primitive.name.lower(),
-        _rounded(decision.pick),
-        _rounded(decision.place),
+        action.primitive.label,
+        _rounded(action.pick),
+        _rounded(action.place),
         meant.picked,
         meant.place,
         meant.pick_right,
         meant.place_right,
         result.outcome.name,
         result.message,
-        None if done is None else round(done, 4),
+        None if done_probability is None else round(done_probability, 4),
         score,
     )
 

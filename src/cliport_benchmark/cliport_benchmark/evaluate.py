@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import hashlib
 from collections.abc import Callable
 from contextlib import closing
 from dataclasses import dataclass, field
@@ -12,23 +11,27 @@ from typing import Any
 
 import cv2
 
-from cliport_benchmark.agents import EXPERT, Agent, load_agent
+from cliport_benchmark.agents import BUILT_IN, Agent, PolicyAgent, load_agent
 from cliport_benchmark.arm_hand import ArmHand
 from cliport_benchmark.episode import run_episode
 from cliport_benchmark.errors import BenchmarkError, OptionError
 from cliport_benchmark.journal import Discarded, Journal, Outcome
 from cliport_benchmark.observer import Observer
+from cliport_benchmark.own_setup import OwnSetup
 from cliport_benchmark.parallel import run_parallel
+from cliport_benchmark.policy_facts import policy_facts
+from cliport_benchmark.ray_cluster import RayCluster
+from cliport_benchmark.variation import Variation
 from cliport_benchmark.wording import Wording
-from cliport_policy.checkpoint import resolve_checkpoint
 from sim_bridge.errors import LayoutError, PhysicsError, SimBridgeError
-from sim_bridge.tasks import PutBlocksInBowls, Task, make_task
-from sim_bridge.world import SimConfig, SimWorld
+from sim_bridge.scene import reset_scene
+from sim_bridge.tasks import Task, make_task
+from sim_bridge.world import SimWorld
 
 
 @dataclass(frozen=True)
 class EvaluateConfig:
-    """What to evaluate.
+    """What to evaluate. exact_offset: a thing that is picked off its middle is placed as far off.
 
     Raises:
         OptionError: on numbers that make no evaluation, or a wording for a task that has none.
@@ -41,6 +44,9 @@ class EvaluateConfig:
     first_seed: int
     episodes: int
     wording: Wording = field(default_factory=Wording)
+    exact_offset: bool = False
+    setup: OwnSetup = field(default_factory=OwnSetup)
+    variation: Variation = field(default_factory=Variation)
 
     def __post_init__(self) -> None:
         task = make_task(self.task, self.split)
@@ -48,8 +54,8 @@ class EvaluateConfig:
             raise OptionError(f"--first-seed must be 0 or more, got {self.first_seed}")
         if self.episodes < 1:
             raise OptionError(f"--episodes must be 1 or more, got {self.episodes}")
-        if self.is_reworded and not isinstance(task, PutBlocksInBowls):
-            raise OptionError(f"--phrasings and --synonyms are for put-blocks-in-bowls, not for {task.name}")
+        if self.is_reworded and not task.sentence_pattern:
+            raise OptionError(f"--phrasings and --synonyms cannot reword {task.name}: its sentences have no slots")
 
     @property
     def is_reworded(self) -> bool:
@@ -66,6 +72,7 @@ class EvaluateConfig:
 
         Raises:
             CheckpointError: when there is no such checkpoint.
+            OptionError: when its network cannot be scored.
             ObjectFolderError: when the task's objects cannot be used.
         """
         settings: dict[str, Any] = {
@@ -74,10 +81,12 @@ class EvaluateConfig:
             "checkpoint": self.checkpoint,
             "first_seed": self.first_seed,
             "object_set": make_task(self.task, self.split).object_source,
+            "offset": "exact" if self.exact_offset else "centred",
+            **self.setup.settings(),
+            "randomize": self.variation.settings() or False,
         }
-        if self.checkpoint != EXPERT:
-            weights = resolve_checkpoint(self.checkpoint).read_bytes()
-            settings["weights_sha256"] = hashlib.sha256(weights).hexdigest()
+        if self.checkpoint not in BUILT_IN:
+            settings |= policy_facts(self.checkpoint)
         if self.is_reworded:
             settings["wording"] = dataclasses.asdict(self.wording)
         return settings
@@ -89,43 +98,59 @@ class Evaluator:
     def __init__(self, config: EvaluateConfig) -> None:
         self.config = config
         self.agent: Agent = load_agent(config.checkpoint)
-        self.world = SimWorld(SimConfig())
-        self.observer = Observer(self.world.config, n_threads=1)
-        self.hand = ArmHand(self.world, self.observer)
+        _check_workspace(self.agent, config)
+        self.world = SimWorld(config.setup.sim_config())
+        self.observer = Observer(self.world.config, n_threads=1, variation=config.variation, camera=config.setup.camera)
+        self.hand = ArmHand(self.world, self.observer, exact_offset=config.exact_offset)
 
     def run(self, seed: int) -> Outcome:
         """What came of the scene of a seed."""
         try:
-            task = self.world.reset(self.config.task, self.config.split, seed)
+            task = reset_scene(self.world, self.config.task, self.config.split, seed)
+            self.config.variation.add_to(self.world, task, seed)
             say = partial(self._sentence, index=seed - self.config.first_seed)
-            return run_episode(self.world, self.hand, self.observer, self.agent, task, seed, say)
+            exact = self.config.exact_offset
+            return run_episode(self.world, self.hand, self.observer, self.agent, task, seed, say, exact)
         except (LayoutError, PhysicsError) as error:
             return Discarded(seed, str(error))
 
     def _sentence(self, task: Task, index: int) -> str:
-        if self.config.is_reworded and isinstance(task, PutBlocksInBowls):
-            return self.config.wording.sentence(task.goal, index)
+        if self.config.is_reworded:
+            return self.config.wording.sentence(task.sentence_pattern, task.sentence_slots, index)
         return task.instruction
 
 
 def evaluate(
-    config: EvaluateConfig, processes: int, journal: Journal, on_outcome: Callable[[Outcome], None]
+    config: EvaluateConfig,
+    processes: int,
+    journal: Journal,
+    on_outcome: Callable[[Outcome], None],
+    cluster: RayCluster | None = None,
 ) -> list[Outcome]:
     """The outcomes in the order of their seeds: those in the journal, and the others, which join it.
 
-    on_outcome hears of each new one.
+    on_outcome hears of each new one. cluster: where the scenes are spread over so many processes, instead of here.
 
     Raises:
-        BenchmarkError: when the checkpoint cannot be used, or a process died.
+        BenchmarkError: when the checkpoint cannot be used, a process died, or a scene failed; the others are done.
     """
     missing = [seed for seed in config.seeds if seed not in journal.outcomes]
-    with closing(run_parallel(_run, missing, processes, partial(_set_up, config))) as results:
+    with closing(run_parallel(_run, missing, processes, partial(_set_up, config), cluster)) as results:
         for _, outcome in results:
             if isinstance(outcome, str):
                 raise BenchmarkError(outcome)
             journal.add(outcome)
             on_outcome(outcome)
     return [journal.outcomes[seed] for seed in config.seeds]
+
+
+def _check_workspace(agent: Agent, config: EvaluateConfig) -> None:
+    """Raise OptionError where a policy was trained for another workspace."""
+    if isinstance(agent, PolicyAgent) and agent.policy.workspace != config.setup.workspace:
+        raise OptionError(
+            f"{config.checkpoint} was trained for {agent.policy.workspace}, not for {config.setup.workspace}: "
+            "give that one's file as --workspace, or train a policy on data of yours"
+        )
 
 
 _evaluator: Evaluator | str | None = None  # of this worker process; a string says why there is none
@@ -135,7 +160,7 @@ def _set_up(config: EvaluateConfig) -> None:
     global _evaluator
     cv2.setNumThreads(1)
     try:
-        if config.checkpoint != EXPERT:
+        if config.checkpoint not in BUILT_IN:
             import torch
 
             torch.set_num_threads(1)

@@ -6,7 +6,7 @@ import argparse
 import os
 import sys
 import time
-from dataclasses import replace
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -15,12 +15,16 @@ from cliport_benchmark.errors import BenchmarkError, DataFolderError, OptionErro
 from cliport_benchmark.evaluate import EvaluateConfig, evaluate
 from cliport_benchmark.journal import Journal, Outcome
 from cliport_benchmark.json_files import differences, read_json, write_json
-from cliport_benchmark.provenance import command_line, commit, machine
+from cliport_benchmark.own_setup import add_setup_options, add_variation_options, setup_of, variation_of
+from cliport_benchmark.provenance import command_line, machine
+from cliport_benchmark.ray_cluster import RayCluster, join_cluster
 from cliport_benchmark.summary import summary
 from cliport_benchmark.task_names import task_names
 from cliport_benchmark.wording import Wording, load_patterns, load_synonyms
+from cliport_core.source_state import source_state
 from cliport_policy.errors import PolicyError
 from sim_bridge.errors import SimBridgeError
+from sim_bridge.tasks import make_task
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -28,8 +32,10 @@ def main(arguments: list[str] | None = None) -> int:
     argv = sys.argv[1:] if arguments is None else arguments
     options = _parser().parse_args(argv)
     try:
-        for config, journal in _prepared(options):
-            _evaluate(config, journal, options.processes, command_line("evaluate", argv))
+        work = _prepared(options)
+        with join_cluster(options.ray, options.num_gpus) if options.ray else nullcontext() as cluster:
+            for config, journal in work:
+                _evaluate(config, journal, options.processes, command_line("evaluate", argv), cluster)
     except (BenchmarkError, SimBridgeError, PolicyError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 1
@@ -45,13 +51,11 @@ def _prepared(options: argparse.Namespace) -> list[tuple[EvaluateConfig, Journal
         raise OptionError(f"--processes must be 1 or more, got {options.processes}")
     names = task_names(options.task)
     several = len(names) > 1
-    first = EvaluateConfig(
-        options.checkpoint, names[0], options.split, options.first_seed, options.episodes, _wording(options)
-    )
-    work, source = [], commit()
-    for config in [replace(first, task=name) for name in names]:
+    work, source = [], source_state().to_dict()
+    for config in [_config(options, name) for name in names]:
+        config.setup.check_room(config.task, config.split, config.first_seed)
         out = options.out / f"{config.task}.json" if several else options.out
-        settings = config.settings() | {"commit": source}
+        settings = config.settings() | source
         _check_writable(out)
         journal = Journal(out, settings)
         if several and out.exists() and _is_complete(out, config, settings):
@@ -61,10 +65,22 @@ def _prepared(options: argparse.Namespace) -> list[tuple[EvaluateConfig, Journal
     return work
 
 
-def _wording(options: argparse.Namespace) -> Wording:
-    return Wording(
-        load_patterns(options.phrasings) if options.phrasings else (),
+def _config(options: argparse.Namespace, task: str) -> EvaluateConfig:
+    pattern = make_task(task, options.split).sentence_pattern
+    wording = Wording(
+        load_patterns(options.phrasings, pattern) if options.phrasings else (),
         load_synonyms(options.synonyms) if options.synonyms else {},
+    )
+    return EvaluateConfig(
+        options.checkpoint,
+        task,
+        options.split,
+        options.first_seed,
+        options.episodes,
+        wording,
+        options.exact_offset,
+        setup_of(options),
+        variation_of(options),
     )
 
 
@@ -92,11 +108,13 @@ def _check_writable(path: Path) -> None:
         raise OptionError(f"cannot write --out {path}: permission denied")
 
 
-def _evaluate(config: EvaluateConfig, journal: Journal, processes: int, command: str) -> None:
+def _evaluate(
+    config: EvaluateConfig, journal: Journal, processes: int, command: str, cluster: RayCluster | None
+) -> None:
     """Run what is missing and write the results."""
     start = time.monotonic()
     progress = _Progress(config, journal)
-    outcomes = evaluate(config, processes, journal, progress.report)
+    outcomes = evaluate(config, processes, journal, progress.report, cluster)
     result = summary(journal.settings, outcomes)
     result |= {"wall_s": round(time.monotonic() - start, 1), "command": command, "machine": machine()}
     write_json(journal.out, result)
@@ -138,7 +156,11 @@ class _Progress:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="evaluate", description="Score a policy or the expert.")
-    parser.add_argument("--checkpoint", required=True, help="path, name of a shipped one, default, or expert")
+    parser.add_argument(
+        "--checkpoint",
+        required=True,
+        help="path, name of a shipped one, default, expert, or blind (an expert without words)",
+    )
     parser.add_argument(
         "--task",
         required=True,
@@ -150,8 +172,21 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--episodes", type=int, default=100)
     parser.add_argument("--out", type=Path, required=True, help="JSON file of the results; a folder for several tasks")
     parser.add_argument("--processes", type=int, default=2)
-    parser.add_argument("--phrasings", type=Path, help="file of sentence patterns with {block} and {bowl}, one a line")
+    parser.add_argument("--ray", metavar="ADDRESS", help="processes of a Ray cluster: an address, auto, or local")
+    parser.add_argument("--num-gpus", type=float, default=0.0, help="of each process of the Ray cluster")
+    parser.add_argument(
+        "--phrasings",
+        type=Path,
+        help="file of sentence patterns, one a line, with the slots of the task: {block} and {bowl}, say",
+    )
+    parser.add_argument(
+        "--exact-offset",
+        action="store_true",
+        help="place a thing as far off as it was picked, as the original does, instead of centring the grasp",
+    )
     parser.add_argument("--synonyms", type=Path, help="file of lines 'colour = word' to say instead")
+    add_setup_options(parser)
+    add_variation_options(parser)
     return parser
 
 

@@ -13,7 +13,10 @@ from cliport_benchmark.errors import BenchmarkError
 from cliport_benchmark.graph_client import GraphClient
 from cliport_benchmark.graph_process import GraphProcess
 from cliport_benchmark.json_files import write_json
-from cliport_benchmark.provenance import command_line, commit, machine
+from cliport_benchmark.policy_facts import policy_facts
+from cliport_benchmark.provenance import command_line, machine
+from cliport_core.source_state import source_state
+from cliport_policy.errors import PolicyError
 
 READY_TIMEOUT = 120.0
 GOAL_TIMEOUT = 240.0
@@ -24,8 +27,9 @@ def main(arguments: list[str] | None = None) -> int:
     argv = sys.argv[1:] if arguments is None else arguments
     options = _parser().parse_args(argv)
     try:
+        facts = policy_facts(options.checkpoint) | source_state().to_dict()
         episodes = _run(options)
-    except BenchmarkError as error:
+    except (BenchmarkError, PolicyError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 1
     result = {
@@ -37,7 +41,7 @@ def main(arguments: list[str] | None = None) -> int:
         "first_seed": options.first_seed,
         "n_episodes": len(episodes),
         "command": command_line("evaluate_graph", argv),
-        "commit": commit(),
+        **facts,
         "machine": machine(),
         "episodes": episodes,
     }

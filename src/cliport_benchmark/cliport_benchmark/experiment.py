@@ -1,4 +1,7 @@
-"""One experiment in the paper's four phases: generate, train, choose a checkpoint on val, score on test (seed, B)."""
+"""One experiment in the paper's four phases: generate, train, choose a checkpoint on val, score on test.
+
+See docs/paper.md, "Evaluation".
+"""
 
 from __future__ import annotations
 
@@ -7,15 +10,20 @@ import sys
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from cliport_benchmark.errors import BenchmarkError, OptionError
 from cliport_benchmark.json_files import differences, read_json, write_json
+from cliport_benchmark.own_setup import OwnSetup
+from cliport_benchmark.policy_facts import check_needs_no_goal_image, method_facts
+from cliport_benchmark.variation import Variation
+from cliport_policy.checkpoint import load_card
 from cliport_policy.data.dataset_format import META_NAME
 from cliport_policy.named_configs import load_network_config
 from sim_bridge.tasks import make_task
 
 RESULT_NAME = "experiment.json"
+_SCORES = ("mean_score", "chance", "n_episodes", "discarded", "object_set", "commit", "dirty", "command")
 
 
 @dataclass(frozen=True)
@@ -24,9 +32,11 @@ class Experiment:
 
     config: a network's name or YAML file; settings: changes to it, as train's --set takes them. keep_steps: the
     steps whose checkpoints compete on val. also_test: tasks beside its own that the chosen one is scored on.
+    workspace, camera: files of an own set-up, or None; randomize: what varies in the demonstrations, and
+    randomize_scores: in the scenes that it is scored on, as generate and evaluate take it, or None.
 
     Raises:
-        OptionError: on numbers that make no experiment.
+        OptionError: on numbers that make no experiment, or a network that cannot be scored.
         UnknownNameError: on an unknown task; ConfigError: on an unknown config.
     """
 
@@ -40,11 +50,19 @@ class Experiment:
     also_test: tuple[str, ...] = ()
     settings: tuple[str, ...] = ()
     train_options: tuple[str, ...] = ()
+    workspace: str | None = None
+    camera: str | None = None
+    randomize: str | None = None
+    randomize_scores: str | None = None
 
     def __post_init__(self) -> None:
+        workspace, camera = (path and Path(path) for path in (self.workspace, self.camera))
+        OwnSetup.load(workspace or None, camera or None).check_room(self.task, "train", 0)
+        for text in (self.randomize, self.randomize_scores):
+            Variation.parse(text)
         for name in (self.task, *self.also_test):
             make_task(name, "test")
-        load_network_config(self.config)
+        check_needs_no_goal_image(f"--config {self.config}", load_network_config(self.config))
         for option in ("n_demos", "steps", "val_episodes", "test_episodes"):
             if getattr(self, option) < 1:
                 raise OptionError(f"--{option.replace('_', '-')} must be 1 or more, got {getattr(self, option)}")
@@ -53,8 +71,19 @@ class Experiment:
             raise OptionError(f"--keep-steps must be within 1 and --steps {self.steps}, got {list(self.keep_steps)}")
 
     @property
+    def setup_options(self) -> list[str]:
+        """The own set-up, for a command of this package."""
+        files = (("--workspace", self.workspace), ("--camera", self.camera))
+        return [part for name, file in files if file for part in (name, file)]
+
+    @property
+    def score_options(self) -> list[str]:
+        """What evaluate takes beside task, split and checkpoint."""
+        return [*self.setup_options, *_randomized(self.randomize_scores)]
+
+    @property
     def method(self) -> str:
-        """The network as a folder and a table call it."""
+        """The network as a folder calls it; tables also say which of its parts were replaced."""
         return "+".join([Path(self.config).stem, *(text.replace("/", "_") for text in self.settings)])
 
     @property
@@ -63,13 +92,11 @@ class Experiment:
         return Path(self.task) / self.method / f"{self.n_demos}-demos"
 
 
-def run_experiment(experiment: Experiment, out: Path, data: Path, processes: int, say: Callable[[str], None]) -> Path:
-    """Do what is left of an experiment; the path of its result. data: demonstrations, as make_data leaves them.
-
-    Each phase is a command of its own, said before it begins, and leaves files that are not made again.
+def train_experiment(experiment: Experiment, out: Path, data: Path, say: Callable[[str], None]) -> None:
+    """Do what is left of an experiment's training. data: demonstrations, as make_data leaves them.
 
     Raises:
-        BenchmarkError: when a command fails, or the folder holds another experiment.
+        BenchmarkError: when the command fails, or the folder holds another experiment.
     """
     folder = out / experiment.folder
     identity = asdict(experiment)
@@ -81,31 +108,54 @@ def run_experiment(experiment: Experiment, out: Path, data: Path, processes: int
     else:
         write_json(begun, identity)
     _train(experiment, folder / "train", data, say)
+
+
+def run_experiment(
+    experiment: Experiment, out: Path, data: Path, evaluate_options: Sequence[str], say: Callable[[str], None]
+) -> Path:
+    """Do what is left of an experiment; the path of its result. data: demonstrations, as make_data leaves them.
+
+    evaluate_options: how evaluate spreads its scenes, `--processes 2` say.
+
+    Each phase is a command of its own, said before it begins, and leaves files that are not made again.
+
+    Raises:
+        BenchmarkError: when a command fails, or the folder holds another experiment.
+    """
+    train_experiment(experiment, out, data, say)
+    folder = out / experiment.folder
     steps = sorted(experiment.keep_steps)
+    scoring_options = [*experiment.score_options, *evaluate_options]
     val = [
-        _score(experiment.task, "val", experiment.val_episodes, _checkpoint(folder, step), out_file, processes, say)
+        _score(
+            _Scoring(experiment.task, "val", experiment.val_episodes, _checkpoint(folder, step)),
+            folder / "val" / f"step-{step:07d}.json",
+            scoring_options,
+            say,
+        )
         for step in steps
-        for out_file in [folder / "val" / f"step-{step:07d}.json"]
     ]
     chosen = choose(steps, [_mean(result) for result in val])
     checkpoint = _checkpoint(folder, chosen)
     tests = {
         task: _score(
-            task, "test", experiment.test_episodes, checkpoint, folder / "test" / f"{task}.json", processes, say
+            _Scoring(task, "test", experiment.test_episodes, checkpoint),
+            folder / "test" / f"{task}.json",
+            scoring_options,
+            say,
         )
         for task in (experiment.task, *experiment.also_test)
     }
+    facts = method_facts(load_card(checkpoint))
     result = {
-        **identity,
-        "method": experiment.method,
+        **facts,
+        **asdict(experiment),
+        "method": "+".join([facts["method"], *experiment.settings]),
         "val": {str(step): _mean(value) for step, value in zip(steps, val, strict=True)},
         "chosen_step": chosen,
         "checkpoint": str(checkpoint),
-        "commit": tests[experiment.task]["commit"],
-        "test": {
-            task: {name: value[name] for name in ("mean_score", "chance", "n_episodes", "command")}
-            for task, value in tests.items()
-        },
+        **{name: tests[experiment.task].get(name) for name in ("weights_sha256", "commit", "dirty")},
+        "test": {task: {name: value.get(name) for name in _SCORES} for task, value in tests.items()},
     }
     write_json(folder / RESULT_NAME, result)
     return folder / RESULT_NAME
@@ -116,15 +166,29 @@ def choose(steps: Sequence[int], scores: Sequence[float]) -> int:
     return steps[max(range(len(steps)), key=lambda i: scores[i])]
 
 
-def make_data(task: str, episodes: int, out: Path, processes: int, say: Callable[[str], None]) -> Path:
-    """The folder with at least so many training demonstrations of a task, made unless it is there."""
+def make_data(
+    task: str,
+    episodes: int,
+    out: Path,
+    processes: int,
+    say: Callable[[str], None],
+    setup_options: Sequence[str] = (),
+    randomize: str | None = None,
+) -> Path:
+    """The folder with at least so many training demonstrations of a task, made unless it is there.
+
+    setup_options: Experiment's; randomize: what varies, as generate takes it.
+    """
     folders = (out / "data" / task).glob("*/" + META_NAME)
     made = [int(meta.parent.name) for meta in folders if meta.parent.name.isdecimal()]
     whole = min((n for n in made if n >= episodes), default=episodes)
     folder = out / "data" / task / str(whole)
     _run(
         "cliport_benchmark.generate_cli",
-        ["--task", task, "--split", "train", "--episodes", str(whole), "--processes", str(processes)],
+        [
+            *("--task", task, "--split", "train", "--episodes", str(whole), "--processes", str(processes)),
+            *(*setup_options, *_randomized(randomize)),
+        ],
         folder,
         say,
     )
@@ -146,12 +210,24 @@ def _missing(experiment: Experiment, folder: Path) -> list[int]:
     return [step for step in sorted(experiment.keep_steps) if not _checkpoint(folder.parent, step).exists()]
 
 
-def _score(
-    task: str, split: str, episodes: int, checkpoint: Path, out: Path, processes: int, say: Callable[[str], None]
-) -> dict[str, Any]:
+def _randomized(aspects: str | None) -> list[str]:
+    return ["--randomize", aspects] if aspects else []
+
+
+class _Scoring(NamedTuple):
+    """What is scored on what."""
+
+    task: str
+    split: str
+    episodes: int
+    checkpoint: Path
+
+
+def _score(scoring: _Scoring, out: Path, evaluate_options: Sequence[str], say: Callable[[str], None]) -> dict[str, Any]:
     if not out.exists():
-        options = ["--checkpoint", str(checkpoint), "--task", task, "--split", split, "--episodes", str(episodes)]
-        _run("cliport_benchmark.evaluate_cli", [*options, "--processes", str(processes)], out, say)
+        options = ["--checkpoint", str(scoring.checkpoint), "--task", scoring.task, "--split", scoring.split]
+        options += ["--episodes", str(scoring.episodes), *evaluate_options]
+        _run("cliport_benchmark.evaluate_cli", options, out, say)
     return read_json(out)
 
 

@@ -8,12 +8,13 @@ import sys
 from collections.abc import Sequence
 from contextlib import nullcontext
 from pathlib import Path
-from typing import Any
 
 from cliport_benchmark.errors import BenchmarkError, OptionError
-from cliport_benchmark.experiment import Experiment, make_data
+from cliport_benchmark.experiment import RESULT_NAME, Experiment, make_data
 from cliport_benchmark.experiment_report import write_report
-from cliport_benchmark.sweep import ray_cluster, run_here, run_on_ray
+from cliport_benchmark.own_setup import add_setup_options
+from cliport_benchmark.ray_cluster import RayCluster, join_cluster
+from cliport_benchmark.sweep import run_here, run_on_ray
 from cliport_benchmark.task_names import task_names
 from cliport_policy.errors import PolicyError
 from sim_bridge.errors import SimBridgeError
@@ -26,11 +27,11 @@ def main(arguments: list[str] | None = None) -> int:
         if options.processes < 1 or options.jobs < 1:
             raise OptionError(f"--processes {options.processes} and --jobs {options.jobs} must be 1 or more")
         experiments = _experiments(options)
-        with ray_cluster(options.ray) if options.ray else nullcontext() as ray:
-            failures = _run(experiments, options, ray)
+        with join_cluster(options.ray, options.num_gpus) if options.ray else nullcontext() as cluster:
+            failures = _run(experiments, options, cluster)
         for line in failures:
             print(f"error: {line}", file=sys.stderr)
-        if len(failures) < len(experiments):
+        if any((options.out / each.folder / RESULT_NAME).exists() for each in experiments):
             print("written: " + ", ".join(str(path) for path in write_report(options.out)))
         return 1 if failures else 0
     except (BenchmarkError, SimBridgeError, PolicyError) as error:
@@ -41,13 +42,17 @@ def main(arguments: list[str] | None = None) -> int:
         return 130
 
 
-def _run(experiments: Sequence[Experiment], options: argparse.Namespace, ray: Any) -> list[str]:
+def _run(experiments: Sequence[Experiment], options: argparse.Namespace, cluster: RayCluster | None) -> list[str]:
     """What went wrong, a line each."""
     most = {e.task: max(x.n_demos for x in experiments if x.task == e.task) for e in experiments}
-    data = {task: make_data(task, n, options.out, options.processes, _say) for task, n in most.items()}
+    one = experiments[0]  # set-up and variation are the same in all
+    data = {
+        task: make_data(task, n, options.out, options.processes, _say, one.setup_options, one.randomize)
+        for task, n in most.items()
+    }
     jobs = [(experiment, data[experiment.task]) for experiment in experiments]
-    if ray:
-        return run_on_ray(ray, jobs, options.out, options.processes)
+    if cluster is not None:
+        return run_on_ray(cluster, jobs, options.out, options.processes, _say)
     return run_here(jobs, options.out, options.jobs, options.processes, _say)
 
 
@@ -66,6 +71,10 @@ def _experiments(options: argparse.Namespace) -> list[Experiment]:
             tuple(task_names(options.also_test)) if options.also_test else (),
             tuple(options.settings),
             tuple(options.train_options.split()),
+            options.workspace and str(options.workspace.resolve()),
+            options.camera and str(options.camera.resolve()),
+            options.randomize,
+            options.randomize_scores,
         )
         for task, config, count in itertools.product(
             task_names(options.task), options.config.split(","), counts or (100,)
@@ -101,9 +110,14 @@ def _parser() -> argparse.ArgumentParser:
         "--set", dest="settings", action="append", default=[], help="a setting of the network, key=value"
     )
     parser.add_argument("--train-options", default="", help="further options of train, in quotes")
+    add_setup_options(parser)
+    what = "light, texture, clutter, mounting, several with commas between; all without a name"
+    for name, scenes in (("--randomize", "demonstrations"), ("--randomize-scores", "scenes that are scored")):
+        parser.add_argument(name, nargs="?", const="all", metavar="WHAT", help=f"vary the {scenes}: {what}")
     parser.add_argument("--processes", type=int, default=2, help="for generating and evaluating")
     parser.add_argument("--jobs", type=int, default=1, help="experiments at once on this machine")
     parser.add_argument("--ray", metavar="ADDRESS", help="spread them over Ray: an address, auto, or local")
+    parser.add_argument("--num-gpus", type=float, default=0.0, help="of each Ray worker, which trains or evaluates")
     parser.add_argument("--out", type=Path, required=True, help="folder of data, checkpoints and results")
     return parser
 

@@ -10,28 +10,28 @@ from typing import Any
 from cliport_benchmark.errors import DataFolderError
 from cliport_benchmark.experiment import RESULT_NAME
 from cliport_benchmark.json_files import read_json, write_json
-from cliport_benchmark.results import DEMO_COUNTS, paper_scores
+from cliport_benchmark.paper_scores import (
+    ABLATION_TABLE,
+    DEMO_COUNTS,
+    DEMO_VAL_TABLE,
+    TEST_TABLE,
+    VAL_TABLE,
+    YARDSTICK,
+    PaperRow,
+    paper_row,
+)
 
-YARDSTICK = "CLIPORT (single)"
-# Which of the paper's rows a named config is; what has none is set beside the yardstick.
-PAPER_METHODS = {
-    "cliport": YARDSTICK,
-    "transporter": "Transporter-only",
-    "clip_only": "CLIP-only",
-    "rn50_bert": "RN50-BERT",
-    "image_goal": "One-Stream Image-Goal Transporter",
-    "language_transporter": "One-Stream Language Transporter",
-    "wo_skips": "Two-Stream CLIP-Transporter w/o skips",
-    "untrained_sem": "Two-Stream Untrained-Sem-Transporter",
-    "cliport_wo_lang": "CLIPORT w/o Lang",
-    "compact_wo_lang": "Transporter-only",
-    "compact_wo_height": "CLIP-only",
-}
+_OTHER_OBJECTS = "own-"  # how a set of everyday objects begins that the paper has not
+_UNSEEN = "unseen-colors"
 
 
 @dataclass(frozen=True)
 class TestScore:
-    """One line of the table; scores 0..100."""
+    """One line of the table; scores 0..100.
+
+    row: the paper's network that it stands beside. comparable: False where the paper has no such score: everyday
+    objects of this project's own, or "unseen" colours of a policy that met their words in training.
+    """
 
     task: str
     method: str
@@ -41,16 +41,23 @@ class TestScore:
     score: float
     chance: float | None
     episodes: int
+    own_task: str
+    row: PaperRow = YARDSTICK
+    comparable: bool = True
 
     @property
-    def paper_method(self) -> str:
-        """The paper's row that it stands beside."""
-        return PAPER_METHODS.get(self.method, YARDSTICK)
+    def paper_test(self) -> float | None:
+        """The paper's score on test scenes; None where it has none."""
+        return self._paper(TEST_TABLE, ABLATION_TABLE)
 
     @property
-    def paper(self) -> float | None:
-        """The paper's score."""
-        return _paper(self.paper_method, self.task, self.n_demos)
+    def paper_val(self) -> float | None:
+        """The paper's score on validation scenes; None where it has none, or `val` is of another task."""
+        return self._paper(VAL_TABLE, DEMO_VAL_TABLE) if self.task == self.own_task else None
+
+    def _paper(self, *tables: str) -> float | None:
+        found = [self.row.score(table, self.task, self.n_demos) for table in tables if self.comparable]
+        return next((score for score in found if score is not None), None)
 
 
 def write_report(out: Path) -> list[Path]:
@@ -76,16 +83,22 @@ def write_report(out: Path) -> list[Path]:
 def table(scores: Sequence[TestScore]) -> str:
     """Markdown."""
     lines = [
-        "| task | network | demonstrations | test score | chance | episodes | val | step | paper | paper's method |",
-        "|---|---|---:|---:|---:|---:|---:|---:|---:|---|",
+        "| task | network | demonstrations | test score | paper, test | chance | episodes | val | paper, val | step "
+        "| paper's method |",
+        "|---|---|---:|---:|---:|---:|---:|---:|---:|---:|---|",
     ]
     for s in scores:
-        cells = [s.task, s.method, str(s.n_demos), f"{s.score:.1f}", _number(s.chance), str(s.episodes)]
-        cells += [f"{s.val:.1f}", str(s.step), _number(s.paper), s.paper_method if s.paper is not None else ""]
+        compared = (s.paper_test, s.paper_val) != (None, None)
+        cells = [s.task, s.method, str(s.n_demos), f"{s.score:.1f}", _number(s.paper_test), _number(s.chance)]
+        cells += [str(s.episodes), f"{s.val:.1f}", _number(s.paper_val), str(s.step), s.row.name if compared else ""]
         lines.append("| " + " | ".join(cells) + " |")
-    lines += ["", "Mean scores, 0 to 100, of the checkpoint that scored highest on val; `chance` picks and places at"]
     lines += [
-        "random among what is there. The paper's arm has a suction cup or a spatula, this one a parallel gripper."
+        "",
+        "Mean scores, 0 to 100, of the checkpoint that scored highest on val; `chance` picks and places at random",
+        "among what is there. The paper's are of the checkpoint that is best on the task's validation scenes. Its arm",
+        "has a suction cup or a spatula, this one a parallel gripper. Tables 1 and 5 are test scores, 4 and 6",
+        "validation scores. None stands beside everyday objects of this project's own, nor beside unseen colours whose",
+        "words training brought (recolor: surveyed).",
     ]
     return "\n".join(lines) + "\n"
 
@@ -93,6 +106,8 @@ def table(scores: Sequence[TestScore]) -> str:
 def _scores(result: dict[str, Any]) -> list[TestScore]:
     try:
         val = result["val"][str(result["chosen_step"])]
+        row = paper_row(result.get("config", result["method"]), result.get("own_encoders", True))
+        own_task = result.get("task", next(iter(result["test"])))
         return [
             TestScore(
                 task,
@@ -103,11 +118,23 @@ def _scores(result: dict[str, Any]) -> list[TestScore]:
                 test["mean_score"],
                 test["chance"],
                 test["n_episodes"],
+                own_task,
+                row,
+                _is_comparable(result, task, test),
             )
             for task, test in result["test"].items()
         ]
-    except (KeyError, TypeError) as error:
+    except (KeyError, TypeError, StopIteration) as error:
         raise DataFolderError(f"a {RESULT_NAME} is damaged ({error!r}): delete it and run the command again") from error
+
+
+def _is_comparable(result: dict[str, Any], task: str, test: dict[str, Any]) -> bool:
+    if any(result.get(name) for name in ("workspace", "camera", "randomize_scores")):
+        return False
+    if str(test.get("object_set") or "").startswith(_OTHER_OBJECTS):
+        return False
+    surveyed = any(text.replace(" ", "") == "train.recolor=surveyed" for text in result.get("settings", ()))
+    return not (_UNSEEN in task and result.get("met_surveyed_colors", surveyed))
 
 
 def _plot(scores: Sequence[TestScore], path: Path) -> None:
@@ -120,21 +147,16 @@ def _plot(scores: Sequence[TestScore], path: Path) -> None:
         for method in dict.fromkeys(s.method for s in scores if s.task == task):
             line = [s for s in scores if (s.task, s.method) == (task, method)]
             panel.plot([s.n_demos for s in line], [s.score for s in line], marker="o", label=method)
-        paper = [(n, _paper(YARDSTICK, task, n)) for n in DEMO_COUNTS]
+        paper = [(n, YARDSTICK.score(TEST_TABLE, task, n)) for n in DEMO_COUNTS]
         known = [(n, score) for n, score in paper if score is not None]
-        if known:
-            panel.plot(*zip(*known, strict=True), "k--", marker="x", label=f"paper: {YARDSTICK}")
+        if known and any(s.comparable for s in scores if s.task == task):
+            panel.plot(*zip(*known, strict=True), "k--", marker="x", label=f"paper, test: {YARDSTICK.main}")
         chance = [s.chance for s in scores if s.task == task and s.chance is not None]
         if chance:
             panel.axhline(sum(chance) / len(chance), color="gray", linewidth=0.8, label="chance")
         panel.set(xscale="log", ylim=(0, 103), title=task, xlabel="demonstrations", ylabel="mean test score")
         panel.legend(fontsize="small", loc="upper center", bbox_to_anchor=(0.5, -0.15))  # names are long
     figure.savefig(path, dpi=120)
-
-
-def _paper(method: str, task: str, n_demos: int) -> float | None:
-    found = [paper_scores().get((name, method, task, n_demos)) for name in ("4", "5", "6")]
-    return next((score for score in found if score is not None), None)
 
 
 def _number(value: float | None) -> str:

@@ -10,6 +10,7 @@ import cv2
 from cliport_benchmark.contact_sheet import Captioned, captioned
 from cliport_benchmark.errors import DataFolderError
 from cliport_benchmark.stage_camera import StageCamera
+from sim_bridge.tasks import Task
 from sim_bridge.world import SimWorld
 
 EVERY = 0.1  # simulated time between two frames [s]
@@ -20,14 +21,14 @@ _LAST = 1.5  # for which the end is shown [s]
 
 
 class Film:
-    """Records a world while its task is acted on; a context, at whose good end the file is there.
+    """Records a world while the task set up in it is acted on; a context, at whose good end the file is there.
 
     Raises:
         DataFolderError: when the file cannot be written.
     """
 
-    def __init__(self, path: Path, world: SimWorld) -> None:
-        self._world = world
+    def __init__(self, path: Path, world: SimWorld, task: Task) -> None:
+        self._world, self._task = world, task
         self._camera = StageCamera(*_SIZE, finer=2)
         self._path, self._part = path, path.with_name(f".{path.name}.part.mp4")
         self._writer, self._next = cv2.VideoWriter(), 0.0
@@ -52,9 +53,8 @@ class Film:
         self._part.unlink(missing_ok=True)
 
     def _take(self, times: int) -> None:
-        task = self._world.task
-        title, sentence = (task.name, task.instruction) if task else ("", "")
-        frame = captioned(Captioned(title, self._camera.picture(self._world), sentence), _LINES)
+        picture = Captioned(self._task.name, self._camera.picture(self._world), self._task.instruction)
+        frame = captioned(picture, _LINES)
         height, width = (size - size % 2 for size in frame.shape[:2])  # codecs want even sizes
         if not self._writer.isOpened():
             codec = cv2.VideoWriter.fourcc(*"vp09")

@@ -19,6 +19,7 @@ from cliport_benchmark.observer import Observer
 from cliport_benchmark.stage_camera import StageCamera
 from cliport_benchmark.task_names import task_names
 from sim_bridge.errors import PhysicsError, SimBridgeError
+from sim_bridge.scene import reset_scene
 from sim_bridge.tasks import make_task
 from sim_bridge.world import SimWorld
 
@@ -56,7 +57,7 @@ def _write_sheet(out: Path, names: list[str], split: str, seed: int) -> None:
     _make_folder(out.parent)
     world, camera, pictures = SimWorld(), StageCamera(*_PICTURE, finer=2), []
     for i, name in enumerate(names, start=1):
-        task = world.reset(name, split, seed)
+        task = reset_scene(world, name, split, seed)
         pictures.append(Captioned(task.name, camera.picture(world), task.instruction))
         print(f"[{i}/{len(names)}] {task.name}: {task.instruction}", flush=True)
     world.close()
@@ -72,8 +73,8 @@ def _write_video(path: Path, name: str, split: str, seed: int) -> None:
     start, world = time.monotonic(), SimWorld()
     observer = Observer(world.config)
     try:
-        with Film(path, world) as film:
-            task = world.reset(name, split, seed)
+        task = reset_scene(world, name, split, seed)
+        with Film(path, world, task) as film:
             hand = ArmHand(world, observer, film.on_tick)
             episode = run_episode(world, hand, observer, ExpertAgent(), task, seed, lambda task: task.instruction)
     except PhysicsError as error:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import closing
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from enum import Enum
 from functools import partial
 from pathlib import Path
@@ -18,7 +18,9 @@ from cliport_benchmark.errors import DataFolderError, OptionError
 from cliport_benchmark.json_files import differences, read_json, write_json
 from cliport_benchmark.kinematic_hand import KinematicHand
 from cliport_benchmark.observer import Observer
+from cliport_benchmark.own_setup import OwnSetup
 from cliport_benchmark.parallel import run_parallel
+from cliport_benchmark.variation import Variation
 from cliport_policy.data.dataset_format import (
     FORMAT_VERSION,
     HEIGHT_UNIT,
@@ -28,9 +30,10 @@ from cliport_policy.data.dataset_format import (
     write_part,
 )
 from sim_bridge.errors import LayoutError, PhysicsError
-from sim_bridge.rendering.camera import CameraConfig
-from sim_bridge.tasks import PutBlocksInBowls, make_task
-from sim_bridge.world import SimConfig, SimWorld, scene_rng
+from sim_bridge.rendering.sensor_noise import NoiseConfig
+from sim_bridge.scene import reset_scene, scene_rng
+from sim_bridge.tasks import make_task
+from sim_bridge.world import SimWorld
 
 _NOISE, _HAND, _GOAL = 1, 2, 3  # streams of scene_rng
 
@@ -57,13 +60,14 @@ class GenerateConfig:
     episodes: int
     goals_per_scene: int = 1
     mode: Mode = Mode.FAST
-    randomize: bool = False
+    variation: Variation = field(default_factory=Variation)
+    setup: OwnSetup = field(default_factory=OwnSetup)
     episodes_per_part: int = 50
 
     def __post_init__(self) -> None:
         task = make_task(self.task, self.split)
-        if self.goals_per_scene > 1 and not isinstance(task, PutBlocksInBowls):
-            raise OptionError(f"--goals-per-scene is for put-blocks-in-bowls; {task.name} has one goal a scene")
+        if self.goals_per_scene > 1 and not task.several_goals:
+            raise OptionError(f"--goals-per-scene must be 1 for {task.name}, which has one goal a scene")
         for name, value, least in (
             ("--first-seed", self.first_seed, 0),
             ("--episodes", self.episodes, 1),
@@ -88,8 +92,6 @@ class GenerateConfig:
         Raises:
             ObjectFolderError: when the task's objects cannot be used.
         """
-        camera = CameraConfig()
-        intrinsics = camera.intrinsics
         return {
             "version": FORMAT_VERSION,
             "task": self.task,
@@ -100,20 +102,10 @@ class GenerateConfig:
             "episodes_per_part": self.episodes_per_part,
             "goals_per_scene": self.goals_per_scene,
             "mode": self.mode.value,
-            "randomize": self.randomize,
+            "randomize": self.variation.settings() or False,
             "height_unit": HEIGHT_UNIT,
-            "workspace": SimConfig().workspace.to_dict(),
-            "camera": {
-                "width": intrinsics.width,
-                "height": intrinsics.height,
-                "fx": intrinsics.fx,
-                "fy": intrinsics.fy,
-                "cx": intrinsics.cx,
-                "cy": intrinsics.cy,
-                "camera_in_base_xyz": camera.camera_in_base.translation.tolist(),
-                "camera_in_base_xyzw": camera.camera_in_base.as_quaternion_xyzw().tolist(),
-            },
-            "noise": asdict(camera.noise),
+            **self.setup.settings(),
+            "noise": asdict(NoiseConfig()),
         }
 
 
@@ -138,7 +130,9 @@ def generate(
 
     Raises:
         DataFolderError: when the folder holds other data or cannot be written.
+        OptionError: when the workspace has no room for the task.
     """
+    config.setup.check_room(config.task, config.split, config.first_seed)
     _open_folder(config, folder, provenance)
     missing = [i for i in range(config.n_parts) if not part_path(folder, i).exists()]
     if not missing:
@@ -155,8 +149,8 @@ def _set_up() -> None:
 
 def make_part(config: GenerateConfig, folder: Path, index: int) -> PartReport:
     """Make one part in this process."""
-    world = SimWorld()
-    observer = Observer(world.config, n_threads=1, randomize=config.randomize)
+    world = SimWorld(config.setup.sim_config())
+    observer = Observer(world.config, n_threads=1, variation=config.variation, camera=config.setup.camera)
     arm = ArmHand(world, observer) if config.mode is Mode.PHYSICS else None
     rows: list[Row] = []
     discarded = 0
@@ -176,11 +170,12 @@ def _make_episode(
 ) -> list[Row] | None:
     seed = config.first_seed + episode
     try:
-        task = world.reset(config.task, config.split, seed)
+        task = reset_scene(world, config.task, config.split, seed)
+        config.variation.add_to(world, task, seed)
         noise, hands, goals = (scene_rng(task.name, task.split, seed, s) for s in (_NOISE, _HAND, _GOAL))
         observer.new_scene(noise)
         if arm is not None:
-            arm.new_scene()
+            arm.new_scene(task.primitive)
         hand = arm or KinematicHand(world, hands)
         return record_episode(world, task, observer, hand, goals, config.goals_per_scene, episode, seed)
     except (LayoutError, PhysicsError):
@@ -200,4 +195,5 @@ def _open_folder(config: GenerateConfig, folder: Path, provenance: dict[str, Any
         return
     if folder.is_dir() and any(folder.iterdir()):
         raise DataFolderError(f"{folder} is not empty and has no {META_NAME}; choose another --out")
-    write_json(meta, config.settings() | provenance)
+    stepwise = make_task(config.task, config.split).stepwise
+    write_json(meta, config.settings() | {"stepwise": stepwise} | provenance)

@@ -9,7 +9,9 @@ from pathlib import Path
 
 from cliport_benchmark.errors import BenchmarkError, OptionError
 from cliport_benchmark.generate import GenerateConfig, Mode, PartReport, generate
-from cliport_benchmark.provenance import command_line, commit
+from cliport_benchmark.own_setup import add_setup_options, add_variation_options, setup_of, variation_of
+from cliport_benchmark.provenance import command_line
+from cliport_core.source_state import source_state
 from cliport_policy.errors import PolicyError
 from sim_bridge.errors import SimBridgeError
 from sim_bridge.tasks import ALIASES
@@ -29,10 +31,11 @@ def main(arguments: list[str] | None = None) -> int:
             options.episodes,
             options.goals_per_scene,
             Mode(options.mode),
-            options.randomize,
+            variation_of(options),
+            setup_of(options),
         )
         progress = _Progress(config)
-        provenance = {"command": command_line("generate", argv), "commit": commit()}
+        provenance = {"command": command_line("generate", argv), **source_state().to_dict()}
         generate(config, options.out, options.processes, provenance, progress.report)
     except (BenchmarkError, PolicyError, SimBridgeError) as error:
         print(f"error: {error}", file=sys.stderr)
@@ -76,7 +79,8 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--goals-per-scene", type=int, default=1, help="goals asked for in each observation")
     parser.add_argument("--mode", choices=[m.value for m in Mode], default=Mode.FAST.value)
-    parser.add_argument("--randomize", action="store_true", help="vary light, table colour, camera mounting")
+    add_setup_options(parser)
+    add_variation_options(parser)
     return parser
 
 

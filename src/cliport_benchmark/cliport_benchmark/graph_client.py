@@ -16,14 +16,14 @@ from sensor_msgs.msg import Image, JointState
 from std_msgs.msg import String
 
 from cliport_benchmark.errors import BenchmarkError
+from cliport_core import topics
+from cliport_core.ros_running import SpinThread
 from cliport_interfaces.msg import PolicyStatus
 from cliport_interfaces.srv import GetScore, ResetTask
-from cliport_perception.ros_running import SpinThread
 
 LATCHED = QoSProfile(depth=20, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 ENDED = (PolicyStatus.STATE_DONE, PolicyStatus.STATE_FAILED)
-CAMERA = "/camera/color/image_raw"
-OVERLAYS = ("/cliport/affordance/pick", "/cliport/affordance/place")
+OVERLAYS = tuple(topics.AFFORDANCES.values())
 MOTION_THRESHOLD = 0.01  # rad/s
 
 
@@ -53,12 +53,12 @@ class GraphClient:
         self._watch_motion = False
         self.on_status: Callable[[PolicyStatus], None] = lambda _status: None
         self.on_frame: Callable[[NDArray[np.uint8]], None] = lambda _frame: None
-        self._instruction = self._node.create_publisher(String, "/cliport/instruction", 5)
-        self._reset = self._node.create_client(ResetTask, "/sim_bridge/reset")
-        self._score = self._node.create_client(GetScore, "/sim_bridge/score")
-        self._node.create_subscription(PolicyStatus, "/cliport/status", self._take_status, LATCHED)
-        self._node.create_subscription(JointState, "/joint_states", self._take_joints, qos_profile_sensor_data)
-        for topic in (CAMERA, *OVERLAYS):
+        self._instruction = self._node.create_publisher(String, topics.INSTRUCTION, 5)
+        self._reset = self._node.create_client(ResetTask, topics.SIM_RESET)
+        self._score = self._node.create_client(GetScore, topics.SIM_SCORE)
+        self._node.create_subscription(PolicyStatus, topics.STATUS, self._take_status, LATCHED)
+        self._node.create_subscription(JointState, topics.JOINT_STATES, self._take_joints, qos_profile_sensor_data)
+        for topic in (topics.COLOR, *OVERLAYS):
             take = partial(self._take_image, topic)
             self._node.create_subscription(Image, topic, take, 2)
         self._spinner = SpinThread(self._node, lambda _: None, self._context)
@@ -154,7 +154,7 @@ class GraphClient:
 
     def camera_image(self) -> NDArray[np.uint8]:
         """The newest colour image, (rows, cols, 3) RGB; there is one once wait_ready has returned."""
-        return _to_array(self._latest[CAMERA])
+        return _to_array(self._latest[topics.COLOR])
 
     def overlays(self, topic: str) -> list[NDArray[np.uint8]]:
         """The affordance pictures of one of OVERLAYS since the last instruction, (rows, cols, 3) RGB each."""
@@ -166,11 +166,11 @@ class GraphClient:
     def _missing(self) -> list[str]:
         missing = [client.srv_name for client in (self._reset, self._score) if not client.service_is_ready()]
         if not self._statuses:
-            missing.append("/cliport/status")
-        if CAMERA not in self._latest:
-            missing.append(CAMERA)
+            missing.append(topics.STATUS)
+        if topics.COLOR not in self._latest:
+            missing.append(topics.COLOR)
         if self._instruction.get_subscription_count() == 0:
-            missing.append("subscriber of /cliport/instruction")
+            missing.append(f"subscriber of {topics.INSTRUCTION}")
         return missing
 
     def _call(self, client: Any, request: Any, timeout: float) -> Any:

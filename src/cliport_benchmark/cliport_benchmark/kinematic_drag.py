@@ -9,15 +9,16 @@ from contextlib import contextmanager
 
 import numpy as np
 
-from cliport_perception import PlanarPose, Pose
+from cliport_core import PlanarPose, Pose
 from sim_bridge.bullet import pybullet
 from sim_bridge.objects import SceneObject
-from sim_bridge.objects.sleeping import come_to_rest, wake
-from sim_bridge.task_mechanics.what_lies import thing_at
+from sim_bridge.robot import HAND
+from sim_bridge.sleeping import come_to_rest, wake
+from sim_bridge.task_mechanics.object_at import object_at
 from sim_bridge.world import SimWorld
 
 # the closed fingers: along and across the motion, and a part of their height [m]
-_HAND = (0.018, 0.032, 0.06)
+_HAND = (HAND.closed_depth, HAND.closed_width, 0.06)
 _ABOVE_TABLE = 0.004  # their rounded tips [m]
 _HAND_MASS = 10.0  # nothing on the table holds it up [kg]
 _FINGER_FRICTION = 1.5
@@ -47,7 +48,7 @@ def sweep(world: SimWorld, pick: PlanarPose, place: PlanarPose) -> None:
 
 def fold(world: SimWorld, pick: PlanarPose, place: PlanarPose) -> None:
     """What lies at pick is lifted a little, moved to place while it turns as the jaws do, and let go."""
-    thing = thing_at(world, pick.x, pick.y, movable=True)
+    thing = object_at(world, pick.x, pick.y, movable=True)
     if thing is None:
         return
     held = world.object_pose(thing)

@@ -8,9 +8,9 @@ import numpy as np
 
 from cliport_benchmark.kinematic_drag import fold, sweep
 from cliport_benchmark.setting_down import set_down
-from cliport_perception import PlanarPose, Pose, Primitive
+from cliport_core import PickPlaceAction, PlanarPose, Pose, Primitive
 from sim_bridge.rendering.camera import RgbdFrame
-from sim_bridge.task_mechanics.what_lies import thing_at
+from sim_bridge.task_mechanics.object_at import object_at
 from sim_bridge.world import SimWorld
 
 # as the arm's own placements of blocks, boxes and kit shapes scatter in full physics
@@ -25,14 +25,9 @@ class KinematicHand:
         self._world = world
         self._rng = rng
 
-    def execute(
-        self,
-        pick: PlanarPose,
-        place: PlanarPose,
-        frame: RgbdFrame,
-        primitive: Primitive = Primitive.PICK_PLACE,
-    ) -> None:
-        """Move what lies at `pick` as the gripper would from there to `place`, and let the world settle."""
+    def execute(self, action: PickPlaceAction, frame: RgbdFrame) -> None:
+        """Move what lies at the pick as the gripper would from there to the place, and let the world settle."""
+        pick, place, primitive = action.pick, action.place, action.primitive
         if primitive is Primitive.SWEEP:
             sweep(self._world, pick, place)
         elif primitive is Primitive.FOLD:
@@ -44,7 +39,7 @@ class KinematicHand:
     def _pick_and_place(self, pick: PlanarPose, place: PlanarPose) -> None:
         shift = self._rng.normal(0.0, PLACE_SIGMA, 2)
         turn = float(self._rng.normal(0.0, YAW_SIGMA)) + place.yaw - pick.yaw
-        thing = thing_at(self._world, pick.x, pick.y, movable=True)
+        thing = object_at(self._world, pick.x, pick.y, movable=True)
         if thing is None:
             return
         here = self._world.object_pose(thing)

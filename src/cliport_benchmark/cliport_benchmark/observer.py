@@ -2,48 +2,64 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import numpy.typing as npt
 
-from cliport_perception import Heightmap, heightmap_from_rgbd
-from cliport_perception.clouds import CloudBuilder, cloud_points
-from sim_bridge.rendering.appearance import Appearance, random_appearance
-from sim_bridge.rendering.camera import CameraConfig, RgbdFrame, SimCamera, mounting_error
+from cliport_benchmark.variation import Aspect, SceneLook, Variation
+from cliport_core import Heightmap
+from cliport_perception import heightmap_from_rgbd
+from cliport_perception.clouds import CloudBuilder, CloudRegion
+from sim_bridge.rendering.camera import CameraConfig, RgbdFrame, SimCamera
 from sim_bridge.rendering.image_window import ImageWindow
+from sim_bridge.rendering.mounting import CameraCalibration, load_camera
 from sim_bridge.world import SimConfig, SimWorld
+
+_BORDER = 12  # of the rendered part around what sees the workspace [pixels]
+_SIGMAS = 4.0  # of a mounting error that the border must have room for
 
 
 class Observer:
     """Takes frames of a world and projects them.
 
-    rng draws the sensor's noise. With `randomize`, each call of `new_scene` draws light, table colour and the
-    camera's mounting error; the heightmap is still made with the nominal pose, as calibration would give it.
+    rng draws the sensor's noise. Each call of `new_scene` draws what varies of the look; where the camera is not
+    where calibration says, the heightmap is still made with the pose that calibration would give.
     Only what sees the workspace is rendered, unless it shall be the `whole_image`, for people to look at.
     """
 
-    def __init__(self, sim: SimConfig, n_threads: int = 0, randomize: bool = False, whole_image: bool = False) -> None:
+    def __init__(
+        self,
+        sim: SimConfig,
+        n_threads: int = 0,
+        variation: Variation | None = None,
+        whole_image: bool = False,
+        camera: CameraCalibration | None = None,
+    ) -> None:
+        """camera: lens, image size and calibrated pose; the simulator's own by default."""
         self.workspace = sim.workspace
-        nominal = CameraConfig()
+        nominal = camera or load_camera()
+        self._variation = variation or Variation()
         window = None
         if not whole_image:
-            window = ImageWindow.that_sees(nominal.intrinsics, nominal.camera_in_base, sim.workspace)
-        self.camera = SimCamera(CameraConfig(window=window, n_threads=n_threads))
-        self._clouds = CloudBuilder(self.camera.intrinsics, self.camera.camera_in_base)
-        self._randomize = randomize
-        self._appearance: Appearance | None = None
-        self._true_camera_in_base = self.camera.camera_in_base
+            border = _border(nominal, self._variation)
+            window = ImageWindow.that_sees(nominal.intrinsics, nominal.camera_in_base, sim.workspace, border=border)
+        self.camera = SimCamera(
+            CameraConfig(nominal.intrinsics, nominal.camera_in_base, window=window, n_threads=n_threads)
+        )
+        region = CloudRegion.around(sim.workspace)
+        self._clouds = CloudBuilder(self.camera.intrinsics, self.camera.camera_in_base, region)
+        self._look = SceneLook(self.camera.config.appearance, self.camera.camera_in_base)
         self._rng = np.random.default_rng(0)
 
     def new_scene(self, rng: np.random.Generator) -> None:
-        """Take the noise of the frames to come from rng, and the scene's look where it is randomized."""
+        """Take the noise of the frames to come from rng, and what varies of the scene's look from its children."""
         self._rng = rng
-        if self._randomize:
-            self._appearance = random_appearance(rng)
-            self._true_camera_in_base = mounting_error(self.camera.camera_in_base, rng)
+        self._look = self._variation.scene_look(self.camera.config.appearance, self.camera.camera_in_base, rng)
 
     def frame(self, world: SimWorld) -> RgbdFrame:
         """The camera's frame of the world as it is now."""
-        return self.camera.capture(world, self._rng, self._appearance, self._true_camera_in_base)
+        return self.camera.capture(world, self._rng, self._look.appearance, self._look.true_camera_in_base)
 
     def heightmap(self, frame: RgbdFrame) -> Heightmap:
         """A frame seen from straight above."""
@@ -57,10 +73,18 @@ class Observer:
         )
 
     def cloud(self, frame: RgbdFrame) -> npt.NDArray[np.float32]:
-        """Points (H * W, 3) [m] of a frame in the base frame, NaN where nothing was seen."""
-        height, width = frame.depth.shape
-        return cloud_points(memoryview(self._clouds.build(frame.color, frame.depth)), height, width)
+        """Points (N, 3) [m] of a frame in the base frame, over and around the workspace."""
+        return self._clouds.points(frame.depth)
 
     def observe(self, world: SimWorld) -> Heightmap:
         """Frame and projection in one."""
         return self.heightmap(self.frame(world))
+
+
+def _border(camera: CameraCalibration, variation: Variation) -> int:
+    """Pixels around what sees the workspace, so that it is still seen where the camera is shifted and turned."""
+    if Aspect.MOUNTING not in variation.aspects:
+        return _BORDER
+    errors, lens = variation.mounting, camera.intrinsics
+    distance = max(float(camera.camera_in_base.translation[2]), 0.1)  # [m], at the least that of the camera's foot
+    return max(_BORDER, math.ceil(_SIGMAS * max(lens.fx, lens.fy) * (errors.turn + errors.shift / distance)))

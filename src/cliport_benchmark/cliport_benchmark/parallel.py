@@ -1,4 +1,4 @@
-"""Work spread over processes on one machine, ended without leftovers whatever ends it."""
+"""Work spread over processes of one machine, or over a Ray cluster, ended without leftovers whatever ends it."""
 
 from __future__ import annotations
 
@@ -13,9 +13,11 @@ from contextlib import contextmanager
 from typing import TypeVar
 
 from cliport_benchmark.errors import BenchmarkError
+from cliport_benchmark.ray_cluster import RayCluster, failure_line
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
+_SHOWN = 3  # failures that an error names
 
 
 def run_parallel(
@@ -23,26 +25,53 @@ def run_parallel(
     items: Sequence[Item],
     processes: int,
     set_up: Callable[[], None],
+    cluster: RayCluster | None = None,
 ) -> Generator[tuple[Item, Result]]:
     """(item, function(item)) as they come; each process calls set_up once first. Both must be picklable.
 
     Processes are spawned, with one thread each for linear algebra: those that share cores must not each start
     a thread per core. When the caller closes the generator, is interrupted or told to terminate, they end at once.
+    With a cluster the processes are Ray actors there. An item whose function raises does not end the others: all
+    results come first, then the error.
 
     Raises:
-        BenchmarkError: when a process died.
+        BenchmarkError: when a process died; after the last result, when the function raised for an item.
     """
+    if not items:
+        return
+    failures: list[str] = []
+    processes = max(1, min(processes, len(items)))
+    if cluster is not None:
+        yield from cluster.run(function, items, processes, set_up, failures)
+    else:
+        yield from _run_here(function, items, processes, set_up, failures)
+    if failures:
+        more = f"; and {len(failures) - _SHOWN} more" if len(failures) > _SHOWN else ""
+        raise BenchmarkError("; ".join(failures[:_SHOWN]) + more)
+
+
+def _run_here(
+    function: Callable[[Item], Result],
+    items: Sequence[Item],
+    processes: int,
+    set_up: Callable[[], None],
+    failures: list[str],
+) -> Generator[tuple[Item, Result]]:
     os.environ["OMP_NUM_THREADS"] = "1"
     context = multiprocessing.get_context("spawn")
     before = set(multiprocessing.active_children())
-    pool = ProcessPoolExecutor(
-        max(1, min(processes, len(items))), mp_context=context, initializer=_begin, initargs=(set_up,)
-    )
+    pool = ProcessPoolExecutor(processes, mp_context=context, initializer=_begin, initargs=(set_up,))
     with _termination_interrupts():
         try:
             futures = {pool.submit(function, item): item for item in items}
             for future in as_completed(futures):
-                yield futures[future], future.result()
+                error = future.exception()
+                if isinstance(error, BrokenProcessPool):
+                    raise error
+                if error is not None:
+                    failures.append(failure_line(futures[future], error))
+                else:
+                    yield futures[future], future.result()
             pool.shutdown()
         except BrokenProcessPool:
             raise BenchmarkError("a worker process died: memory may be short, try fewer --processes") from None

@@ -5,26 +5,28 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from pathlib import Path
 
 from cliport_benchmark.arm_hand import ArmHand
 from cliport_benchmark.camera_messages import BASE_FRAME, observation_messages
-from cliport_benchmark.episode_recorder import KEPT_FROM
+from cliport_benchmark.episode_recorder import KEPT_ABOVE
 from cliport_benchmark.errors import OptionError
 from cliport_benchmark.observer import Observer
+from cliport_benchmark.own_setup import OwnSetup
+from cliport_benchmark.variation import Variation
+from cliport_core import ActionResult, PickPlaceAction, WorkspaceSpec
 from cliport_episodes.capture_setup import CaptureSetup
 from cliport_episodes.data_set import DataSet
 from cliport_episodes.demonstration import Source, StepRecord
 from cliport_episodes.raw import RawMessage
 from cliport_episodes.writer import EpisodeWriter
-from cliport_perception import WorkspaceSpec
-from panda_executor.request import PickPlaceResult
 from sim_bridge.errors import LayoutError, PhysicsError
 from sim_bridge.rendering.camera import OPTICAL_FRAME, RgbdFrame
-from sim_bridge.tasks import ExpertAction, Task, make_task
-from sim_bridge.world import SimWorld, scene_rng
+from sim_bridge.scene import reset_scene, scene_rng
+from sim_bridge.tasks import Task, make_task
+from sim_bridge.world import SimWorld
 
 _NOISE_STREAM = 1  # of scene_rng, as generate draws it
 
@@ -43,6 +45,8 @@ class RecordConfig:
     first_seed: int
     episodes: int
     sentences: tuple[str, ...] = ()
+    setup: OwnSetup = field(default_factory=OwnSetup)
+    variation: Variation = field(default_factory=Variation)
 
     def __post_init__(self) -> None:
         for sentence in self.sentences or ("",):
@@ -56,10 +60,12 @@ class RecordConfig:
         return self.sentences[index % len(self.sentences)] if self.sentences else ""
 
     def name(self, index: int) -> str:
-        """Of an episode's bag: task, split and seed, and which sentence the scene was made for where one was given."""
+        """Of an episode's bag: task, split and seed, which sentence the scene was made for where one was given, and
+        what varied."""
         sentence = self.sentence(index)
         asked = f"-{hashlib.sha256(sentence.encode()).hexdigest()[:8]}" if sentence else ""
-        return f"{self.task}-{self.split}-{self.first_seed + index:06d}{asked}"
+        varied = "".join(f"-{name}" for name in self.variation.settings())
+        return f"{self.task}-{self.split}-{self.first_seed + index:06d}{asked}{varied}"
 
 
 class Result(Enum):
@@ -85,14 +91,18 @@ class ExpertRecorder:
 
     Raises:
         EpisodesError: when the data set is of another camera or workspace, or cannot be written.
+        OptionError: when the workspace has no room for the task.
     """
 
     def __init__(self, config: RecordConfig, data_set: Path, now_ns: Callable[[], int]) -> None:
         """now_ns: the time that an episode's stamps begin with."""
         self._config = config
         self._now_ns = now_ns
-        self._world = SimWorld()
-        self._observer = Observer(self._world.config, whole_image=True)
+        config.setup.check_room(config.task, config.split, config.first_seed)
+        self._world = SimWorld(config.setup.sim_config())
+        self._observer = Observer(
+            self._world.config, variation=config.variation, whole_image=True, camera=config.setup.camera
+        )
         self._hand = ArmHand(self._world, self._observer)
         self._setup = self._capture_setup(self._world.config.workspace)
         self._data_set = DataSet.open_or_create(data_set, self._setup)
@@ -114,11 +124,12 @@ class ExpertRecorder:
         """Demonstrate the scene of an episode; when that is interrupted, what there is goes into the trash."""
         config, seed = self._config, self._config.first_seed + index
         try:
-            task = self._world.reset(config.task, config.split, seed, config.sentence(index))
+            task = reset_scene(self._world, config.task, config.split, seed, config.sentence(index))
+            config.variation.add_to(self._world, task, seed)
         except (LayoutError, PhysicsError):
             return Recorded(Result.DISCARDED, "", 0, config.sentence(index))
         self._observer.new_scene(scene_rng(task.name, task.split, seed, _NOISE_STREAM))
-        self._hand.new_scene()
+        self._hand.new_scene(task.primitive)
         self._stamps_from = self._now_ns() - round(1e9 * self._world.time)
         writer = EpisodeWriter.create(self._data_set.path, self._setup, config.name(index))
         try:
@@ -126,7 +137,7 @@ class ExpertRecorder:
             if not writer.n_steps:
                 writer.discard()
                 return Recorded(Result.DISCARDED, "", 0, said)
-            success = task.score() >= KEPT_FROM
+            success = task.score() >= KEPT_ABOVE
             writer.finish(self._messages(self._observer.frame(self._world)), success)
         except PhysicsError:
             writer.discard()
@@ -143,12 +154,12 @@ class ExpertRecorder:
             action = None if task.done() else task.expert_action()
             if action is None:
                 break
-            said = action.instruction
+            said = task.instruction
             frame = self._observer.frame(self._world)
             messages = self._messages(frame)
-            result = self._hand.execute(action.pick, action.place, frame, action.primitive)
+            result = self._hand.execute(action, frame)
             task.advance()
-            writer.add_step(messages, self._record(step, action, result, self._stamp_ns(frame)))
+            writer.add_step(messages, self._record(step, said, action, result, self._stamp_ns(frame)))
         return said
 
     def _messages(self, frame: RgbdFrame) -> list[RawMessage]:
@@ -158,27 +169,22 @@ class ExpertRecorder:
     def _stamp_ns(self, frame: RgbdFrame) -> int:
         return self._stamps_from + round(1e9 * frame.time)
 
-    def _record(self, step: int, action: ExpertAction, result: PickPlaceResult, stamp_ns: int) -> StepRecord:
-        workspace, at = self._observer.workspace, result.grasp_centroid
+    def _record(self, step: int, said: str, action: PickPlaceAction, result: ActionResult, stamp_ns: int) -> StepRecord:
+        workspace = self._observer.workspace
+        width = result.gripper_width if math.isfinite(result.gripper_width) else 0.0
         return StepRecord(
             step=step,
             stamp_ns=stamp_ns,
             frame_id=BASE_FRAME,
-            instruction=action.instruction,
-            primitive=action.primitive,
+            instruction=said,
             source=Source.EXPERT,
             pick_box=None,
             place_box=None,
             pick_rotation=workspace.bin_of_yaw(action.pick.yaw),
             place_rotation=workspace.bin_of_yaw(action.place.yaw),
             n_rotations=workspace.n_rotations,
-            pick=action.pick,
-            place=action.place,
-            executed=True,
-            outcome=int(result.outcome),
-            message=result.message,
-            grasp_centroid=None if at is None else (float(at[0]), float(at[1]), float(at[2])),
-            gripper_width=result.gripper_width if math.isfinite(result.gripper_width) else 0.0,
+            action=PickPlaceAction(action.pick, action.place, action.primitive),
+            result=replace(result, gripper_width=width),
         )
 
     def _capture_setup(self, workspace: WorkspaceSpec) -> CaptureSetup:

@@ -14,6 +14,7 @@ from contextlib import closing
 from pathlib import Path
 
 from cliport_benchmark.errors import BenchmarkError, OptionError
+from cliport_benchmark.own_setup import add_setup_options, add_variation_options, setup_of, variation_of
 from cliport_benchmark.record import ExpertRecorder, RecordConfig, Result
 from cliport_episodes.errors import EpisodesError
 from sim_bridge.errors import SimBridgeError
@@ -26,7 +27,15 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         sentences = _sentences(options.instructions)
         task = ALIASES.get(options.task, options.task)
-        config = RecordConfig(task, options.split, options.first_seed, options.episodes, sentences)
+        config = RecordConfig(
+            task,
+            options.split,
+            options.first_seed,
+            options.episodes,
+            sentences,
+            setup_of(options),
+            variation_of(options),
+        )
         counts = _record(config, options.out)
     except (BenchmarkError, EpisodesError, SimBridgeError) as error:
         print(f"error: {error}", file=sys.stderr)
@@ -80,6 +89,8 @@ def _parser() -> argparse.ArgumentParser:
         "--instructions", type=Path, metavar="FILE", help="sentences, one a line, that the scenes are made for in turn"
     )
     parser.add_argument("--out", type=Path, required=True, help="data set of episodes; continued if begun")
+    add_setup_options(parser)
+    add_variation_options(parser)
     return parser
 
 

@@ -1,4 +1,4 @@
-"""`ros2 run cliport_benchmark results`: evaluations of a folder as a table, beside what the paper reports."""
+"""`ros2 run cliport_benchmark results`: evaluations of a folder as tables, beside what the paper reports."""
 
 from __future__ import annotations
 
@@ -8,40 +8,87 @@ import io
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
+from cliport_benchmark.doubts import doubts_about
 from cliport_benchmark.errors import BenchmarkError, DataFolderError
 from cliport_benchmark.json_files import read_json
-from sim_bridge.tasks import ALIASES, DEMO_TASKS, LANGUAGE_SPLITS
-
-DEMO_COUNTS = (1, 10, 100, 1000)
-_PAPER = Path(__file__).with_name("paper_results.csv")  # tables 4 to 6 of the paper's appendix
-_SECTIONS = (
-    ("Language-conditioned splits (paper: table 4)", LANGUAGE_SPLITS, "4"),
-    ("Demo-conditioned tasks (paper: table 6)", DEMO_TASKS, "6"),
+from cliport_benchmark.own_setup import set_up_words
+from cliport_benchmark.paper_scores import (
+    ABLATION_TABLE,
+    DEMO_COUNTS,
+    DEMO_VAL_TABLE,
+    TEST_TABLE,
+    VAL_TABLE,
+    paper_methods,
+    paper_scores,
 )
+from cliport_policy.errors import PolicyError
+from sim_bridge.errors import TaskPackageError
+from sim_bridge.tasks import ALIASES, DEMO_TASKS, LANGUAGE_SPLITS, is_known
+
+_OUR_COLUMNS = ("task", "by", "split", "score", "episodes")
+_GOOGLE_OBJECTS = "google "  # how the name of a set of Google Scanned Objects begins
+_EVERYDAY = "google-objects"  # in the names of the tasks that show them
+
+
+@dataclass(frozen=True)
+class Section:
+    """One table of the results: a title, its tasks in order, and the paper's table beside it, "" for none."""
+
+    title: str
+    tasks: tuple[str, ...]
+    table: str = ""
+
+    @property
+    def comparable(self) -> tuple[str, ...]:
+        """All tables of the paper's on the same scenes: the ablations of table 5 were scored on test scenes."""
+        return (TEST_TABLE, ABLATION_TABLE) if self.table == TEST_TABLE else (self.table,)
+
+
+TEST = Section("Language-conditioned splits, test scenes (paper: table 1)", LANGUAGE_SPLITS, TEST_TABLE)
+VAL = Section("Language-conditioned splits, validation scenes (paper: table 4)", LANGUAGE_SPLITS, VAL_TABLE)
+DEMO_TEST = Section("Demo-conditioned tasks, test scenes (the paper has no test scores of them)", DEMO_TASKS)
+DEMO_VAL = Section("Demo-conditioned tasks, validation scenes (paper: table 6)", DEMO_TASKS, DEMO_VAL_TABLE)
+OWN_OBJECTS = Section("Everyday objects of this project's own (the paper has none of them)", LANGUAGE_SPLITS)
+TOLD = Section("Unseen colours, of policies that met their words in training (recolor: surveyed)", LANGUAGE_SPLITS)
+OTHER = Section("Other tasks, training scenes and set-ups of one's own", ())
+SECTIONS = (TEST, VAL, DEMO_TEST, DEMO_VAL, OWN_OBJECTS, TOLD, OTHER)
 
 
 @dataclass(frozen=True)
 class Evaluation:
-    """One file of results; score 0..100, None when every episode was discarded."""
+    """One file of results; score 0..100, None when every episode was discarded.
+
+    object_set: of a task with everyday objects. knew_colors: True for a policy that met "unseen" colours in training.
+    doubts: reasons to measure it again. own_set_up: True where the workspace, the camera or the looks were others.
+    """
 
     task: str
     agent: str
     split: str
     score: float | None
     episodes: int
+    object_set: str = ""
+    knew_colors: bool = False
+    doubts: tuple[str, ...] = ()
+    own_set_up: bool = False
 
-
-@lru_cache(maxsize=1)
-def paper_scores() -> dict[tuple[str, str, str, int], float]:
-    """What the paper reports, by table, method, task and number of demonstrations."""
-    with _PAPER.open(newline="", encoding="utf-8") as file:
-        return {
-            (row["table"], row["method"], row["task"], int(row["n_demos"])): float(row["score"])
-            for row in csv.DictReader(file)
-        }
+    @property
+    def section(self) -> Section:
+        """The table that it belongs to: the paper's test scores stand beside test scores only, and so on."""
+        if self.own_set_up or self.split not in ("test", "val"):
+            return OTHER
+        if self.task not in (*LANGUAGE_SPLITS, *DEMO_TASKS):
+            return OTHER
+        if self.task in DEMO_TASKS:
+            return DEMO_TEST if self.split == "test" else DEMO_VAL
+        if _EVERYDAY in self.task and not self.object_set.startswith(_GOOGLE_OBJECTS):
+            return OWN_OBJECTS
+        if self.knew_colors and "unseen-colors" in self.task:
+            return TOLD
+        return TEST if self.split == "test" else VAL
 
 
 def read_evaluation(path: Path) -> Evaluation:
@@ -54,52 +101,73 @@ def read_evaluation(path: Path) -> Evaluation:
     try:
         task = ALIASES.get(values["task"], values["task"])
         score = values["mean_score"]
-        agent = str(values["checkpoint"]) + (", other wording" if "wording" in values else "")
-        agent += ", through the graph" if values.get("graph") else ""
-        agent += f", {values['object_set']}" if values.get("object_set") else ""
-        found = Evaluation(task, agent, str(values["split"]), score, int(values["n_episodes"]))
-        valid = task in (*LANGUAGE_SPLITS, *DEMO_TASKS) and (score is None or 0.0 <= score <= 100.0)
+        found = Evaluation(
+            task,
+            _agent(values),
+            str(values["split"]),
+            score,
+            int(values["n_episodes"]),
+            str(values.get("object_set") or ""),
+            bool(values.get("met_surveyed_colors")),
+            doubts_about(values),
+            bool(set_up_words(values)),
+        )
+        valid = is_known(task) and (score is None or 0.0 <= score <= 100.0)
     except (KeyError, TypeError, ValueError) as error:
         raise DataFolderError(f"{path} is no result of evaluate ({error!r})") from error
     if not valid:
-        raise DataFolderError(f"{path} has a task or score that the paper's tables cannot have: {task!s:.60}, {score}")
+        raise DataFolderError(f"{path} has an unknown task or an impossible score: {task!s:.60}, {score}")
     return found
 
 
 def markdown(evaluations: Sequence[Evaluation], demos: int) -> str:
-    """Two tables: a row an evaluation, or a task without one; the paper's scores for that many demonstrations."""
+    """The tables that there is something for, a row an evaluation or a task of the paper's without one, beside the
+    paper's scores for that many demonstrations; and what is doubtful."""
     text = []
-    for title, tasks, table in _SECTIONS:
-        methods = _methods(table)
-        header = ["task", "by", "split", "score", "episodes", *(f"{method} @{demos}" for method in methods)]
-        text += [f"## {title}", "", _line(header), _line(["---"] * 3 + ["---:"] * (len(header) - 3))]
-        for cells in _ours(tasks, evaluations):
-            paper = [paper_scores().get((table, method, cells[0], demos)) for method in methods]
+    for section in SECTIONS:
+        rows = _rows(section, evaluations)
+        if not any(row[1] for row in rows):
+            continue
+        methods = paper_methods(section.table) if section.table else []
+        header = [*_OUR_COLUMNS, *(f"{method} @{demos}" for method in methods)]
+        text += [f"## {section.title}", "", _line(header), _line(["---"] * 3 + ["---:"] * (len(header) - 3))]
+        for cells in rows:
+            paper = [paper_scores().get((section.table, method, cells[0], demos)) for method in methods]
             text.append(_line([*cells, *map(_number, paper)]))
         text.append("")
+    if doubts := list(dict.fromkeys(f"- {e.agent}: {doubt}" for e in evaluations for doubt in e.doubts)):
+        text += ["## To be measured again", "", *doubts, ""]
     text.append(
-        f"Mean scores, 0 to 100; the paper's are of 100 episodes after training on {demos} demonstrations a task, "
-        "with a suction cup or spatula where a parallel gripper acts here."
+        f"Mean scores, 0 to 100; the paper's are of 100 episodes after training on {demos} demonstrations a task, of "
+        "the checkpoint that is best on that task's validation scenes, with a suction cup or spatula where a parallel "
+        "gripper acts here."
     )
     return "\n".join(text) + "\n"
 
 
 def comma_separated(evaluations: Sequence[Evaluation]) -> str:
-    """The same rows with every column of the paper's tables 4 to 6."""
+    """The same rows with every column of the paper's tables, filled where a row may stand beside the table."""
     columns = list(dict.fromkeys((table, method, demos) for table, method, _, demos in paper_scores()))
     file = io.StringIO()
     writer = csv.writer(file, lineterminator="\n")
     paper_names = [f"table {table}: {method} @{demos}" for table, method, demos in columns]
-    writer.writerow(["task", "by", "split", "score", "episodes", *paper_names])
-    for cells in _ours((*LANGUAGE_SPLITS, *DEMO_TASKS), evaluations):
-        paper = [paper_scores().get((table, method, cells[0], demos)) for table, method, demos in columns]
-        writer.writerow([*cells, *map(_number, paper)])
+    writer.writerow([*_OUR_COLUMNS, "section", *paper_names])
+    for section in SECTIONS:
+        rows = _rows(section, evaluations)
+        if not any(row[1] for row in rows):
+            continue
+        for cells in rows:
+            paper = [
+                paper_scores().get((table, method, cells[0], demos)) if table in section.comparable else None
+                for table, method, demos in columns
+            ]
+            writer.writerow([*cells, section.title, *map(_number, paper)])
     return file.getvalue()
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Entry point; 0 when there was something to show, 1 on an error."""
-    parser = argparse.ArgumentParser(prog="results", description="Evaluations as a table beside the paper's.")
+    parser = argparse.ArgumentParser(prog="results", description="Evaluations as tables beside the paper's.")
     parser.add_argument("folder", type=Path, help="where evaluate wrote its JSON files")
     parser.add_argument("--out", type=Path, help="Markdown file to write, and a .csv beside it")
     parser.add_argument("--demos", type=int, choices=DEMO_COUNTS, default=1000, help="of the paper's columns")
@@ -113,10 +181,22 @@ def main(arguments: list[str] | None = None) -> int:
             _write(options.out, text)
             _write(options.out.with_suffix(".csv"), comma_separated(evaluations))
             print(f"{len(evaluations)} evaluations in {options.out} and {options.out.with_suffix('.csv').name}")
-    except BenchmarkError as error:
+    except (BenchmarkError, TaskPackageError, PolicyError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 1
     return 0
+
+
+def _agent(values: dict[str, Any]) -> str:
+    """Who acted and how: the checkpoint, what its network is called, and what was unusual."""
+    words = [str(values["checkpoint"])]
+    if values.get("method"):
+        words.append(f"({values['method']})")
+    text = " ".join(words) + (", other wording" if "wording" in values else "")
+    text += ", through the graph" if values.get("graph") else ""
+    text += ", exact offset" if values.get("offset") == "exact" else ""
+    text += f", {values['object_set']}" if values.get("object_set") else ""
+    return text + set_up_words(values)
 
 
 def _read_folder(folder: Path) -> list[Evaluation]:
@@ -134,17 +214,19 @@ def _read_folder(folder: Path) -> list[Evaluation]:
     return evaluations
 
 
-def _ours(tasks: Sequence[str], evaluations: Sequence[Evaluation]) -> list[list[str]]:
-    """task, by, split, score, episodes of every evaluation, in the order of the tasks."""
+def _rows(section: Section, evaluations: Sequence[Evaluation]) -> list[list[str]]:
+    """task, by, split, score, episodes of a section's evaluations, in the order of its tasks.
+
+    Beside a table of the paper's, a task without an evaluation has a row too.
+    """
+    here = [e for e in evaluations if e.section is section]
     rows = []
-    for task in tasks:
-        found = [e for e in evaluations if e.task == task]
-        rows += [[task, e.agent, e.split, _number(e.score), str(e.episodes)] for e in found] or [[task, "", "", "", ""]]
+    for task in section.tasks or sorted({e.task for e in here}):
+        found = [e for e in here if e.task == task]
+        rows += [[task, e.agent, e.split, _number(e.score), str(e.episodes)] for e in found]
+        if section.table and not found:
+            rows.append([task, "", "", "", ""])
     return rows
-
-
-def _methods(table: str) -> list[str]:
-    return list(dict.fromkeys(method for t, method, _, _ in paper_scores() if t == table))
 
 
 def _number(value: float | None) -> str:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from cliport_perception import Pose
+from cliport_core import Pose
 from sim_bridge.bullet import pybullet
 from sim_bridge.objects import SceneObject
-from sim_bridge.task_mechanics.free_space import outline
+from sim_bridge.task_mechanics.placing import outline
 from sim_bridge.world import SimWorld
 
 _ABOVE_ALL = 0.35  # nothing on the table is higher [m]

@@ -6,7 +6,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from cliport_perception import CameraModel, Pose
+from cliport_core import Pose
+from cliport_perception import CameraModel
 from sim_bridge.rendering.camera import CameraConfig, SimCamera
 from sim_bridge.rendering.sensor_noise import NoiseConfig
 from sim_bridge.world import SimWorld

@@ -24,6 +24,9 @@ def summary(settings: dict[str, Any], outcomes: list[Outcome]) -> dict[str, Any]
         **settings,
         "n_episodes": len(episodes),
         "discarded": len(discarded),
+        "redrawn": sum(e.redraws > 0 for e in episodes),
+        "redraws": sum(e.redraws for e in episodes),
+        "broken": sum(e.broken for e in episodes),
         "outcomes": {name: sum(step.outcome == name for step in steps) for name in names},
     }
     if settings["checkpoint"] != EXPERT:

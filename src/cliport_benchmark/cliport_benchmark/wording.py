@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from cliport_benchmark.errors import OptionError
 from sim_bridge.colors import COLORS
-from sim_bridge.tasks import ColorGoal
-
-_SLOTS = ("{block}", "{bowl}")
 
 
 @dataclass(frozen=True)
 class Wording:
-    """patterns: with {block} and {bowl}, episode i gets pattern i mod n; none: the task's own sentence.
+    """patterns with the slots of a task's sentence: episode i gets pattern i mod n; none: the task's own sentence.
 
     synonyms: colour names of the benchmark and the words to say instead.
     """
@@ -22,23 +21,24 @@ class Wording:
     patterns: tuple[str, ...] = ()
     synonyms: dict[str, str] = field(default_factory=dict)
 
-    def sentence(self, goal: ColorGoal, index: int) -> str:
-        """What to say for a goal in the episode of that index."""
-        own = "put the {block} blocks in a {bowl} bowl"
-        pattern = self.patterns[index % len(self.patterns)] if self.patterns else own
-        block, bowl = (self.synonyms.get(color, color) for color in (goal.block, goal.bowl))
-        return pattern.replace("{block}", block).replace("{bowl}", bowl)
+    def sentence(self, own: str, slots: Mapping[str, str], index: int) -> str:
+        """Return what to say in the episode of that index; own: the task's pattern, slots: the word of each."""
+        sentence = self.patterns[index % len(self.patterns)] if self.patterns else own
+        for slot, word in slots.items():
+            sentence = sentence.replace(f"{{{slot}}}", self.synonyms.get(word, word))
+        return sentence
 
 
-def load_patterns(path: Path) -> tuple[str, ...]:
-    """Patterns, one a line; empty lines and lines that begin with # are skipped.
+def load_patterns(path: Path, own: str) -> tuple[str, ...]:
+    """Patterns, one a line, with the slots of the task's own; empty lines and lines that begin with # are skipped.
 
     Raises:
         OptionError: when the file cannot be read, has no pattern, or a pattern lacks a slot.
     """
     patterns = _lines(path, "--phrasings")
+    slots = re.findall(r"\{\w+\}", own)
     for number, pattern in patterns:
-        missing = [slot for slot in _SLOTS if slot not in pattern]
+        missing = [slot for slot in slots if slot not in pattern]
         if missing:
             raise OptionError(f"{path}, line {number}: the pattern lacks {' and '.join(missing)}")
     return tuple(pattern for _, pattern in patterns)

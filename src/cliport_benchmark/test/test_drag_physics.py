@@ -8,12 +8,13 @@ import pytest
 from cliport_benchmark.arm_hand import ArmHand
 from cliport_benchmark.kinematic_hand import KinematicHand
 from cliport_benchmark.observer import Observer
-from cliport_perception import PlanarPose, Primitive
-from cliport_perception.pose import FloatArray
-from cliport_perception.primitive import Outcome
+from cliport_core import PickPlaceAction, PlanarPose, Primitive
+from cliport_core.outcome import Outcome
+from cliport_core.pose import FloatArray
 from sim_bridge.objects import SceneObject
 from sim_bridge.objects.pile import PILE_BLOCK_SIZE, pile_block_shape
 from sim_bridge.objects.rope import BEAD_SPACING
+from sim_bridge.scene import reset_scene
 from sim_bridge.tasks.align_rope import AlignRope
 from sim_bridge.world import SimWorld
 
@@ -36,11 +37,11 @@ def observer(shared_world: SimWorld) -> Observer:
 def act(shared_world: SimWorld, observer: Observer) -> Callable[..., object]:
     """Carries an action out, with the arm or without."""
     arm = ArmHand(shared_world, observer)
-    arm.new_scene()
+    arm.new_scene(Primitive.PICK_PLACE)
     hands = {True: arm, False: KinematicHand(shared_world, np.random.default_rng(0))}
 
     def act(with_arm: bool, pick: PlanarPose, place: PlanarPose, primitive: Primitive) -> object:
-        return hands[with_arm].execute(pick, place, observer.frame(shared_world), primitive)
+        return hands[with_arm].execute(PickPlaceAction(pick, place, primitive), observer.frame(shared_world))
 
     return act
 
@@ -54,7 +55,7 @@ def test_a_sweep_pushes_what_is_before_the_hand_and_nothing_else(
     shared_world: SimWorld, act: Callable[..., object], with_arm: bool
 ) -> None:
     world = shared_world
-    world.reset("put-blocks-in-bowls-seen-colors", "val", 0)
+    reset_scene(world, "put-blocks-in-bowls-seen-colors", "val", 0)
     for thing in world.objects:
         world.remove(thing)
     height = PILE_BLOCK_SIZE / 2
@@ -73,7 +74,7 @@ def test_a_fold_takes_a_bead_to_its_place_and_the_rope_follows(
     shared_world: SimWorld, act: Callable[..., object], with_arm: bool
 ) -> None:
     world = shared_world
-    task = world.reset("align-rope", "val", 5003)
+    task = reset_scene(world, "align-rope", "val", 5003)
     assert isinstance(task, AlignRope)
     action = task.expert_action()
     assert action is not None

@@ -1,4 +1,4 @@
-"""Evaluation: the expert in full physics, chance, wording, and what is said about bad input."""
+"""Evaluation: the expert in full physics, wording, and what is said about bad input."""
 
 import json
 from collections.abc import Iterator
@@ -10,22 +10,23 @@ import numpy as np
 import pytest
 
 from cliport_benchmark import evaluate_cli
-from cliport_benchmark.agents import Decision, ExpertAgent
-from cliport_benchmark.chance import chance_score
+from cliport_benchmark.agents import Answer, ExpertAgent
 from cliport_benchmark.episode import Episode
 from cliport_benchmark.errors import OptionError
-from cliport_benchmark.evaluate import EvaluateConfig, Evaluator
+from cliport_benchmark.evaluate import EvaluateConfig, Evaluator, evaluate
 from cliport_benchmark.journal import Discarded, Journal
 from cliport_benchmark.kinematic_hand import KinematicHand
-from cliport_benchmark.provenance import commit
 from cliport_benchmark.summary import summary
 from cliport_benchmark.wording import Wording, load_patterns, load_synonyms
-from cliport_perception import Heightmap, PlanarPose
-from cliport_perception.primitive import Outcome
-from panda_executor.request import PickPlaceResult
+from cliport_core import Heightmap, PickPlaceAction, PlanarPose, Primitive
+from cliport_core.outcome import ActionResult, Outcome
+from cliport_core.source_state import source_state
+from cliport_policy.checkpoint import load_card, resolve_checkpoint
+from cliport_policy.named_configs import load_network_config
 from sim_bridge.errors import PhysicsError
+from sim_bridge.scene import reset_scene
 from sim_bridge.tasks import ColorGoal, PutBlocksInBowls, Task
-from sim_bridge.world import SimWorld
+from sim_bridge.tasks.color_goal import PATTERN
 
 SEEN = "put-blocks-in-bowls-seen-colors"
 
@@ -53,12 +54,12 @@ def test_expert_solves_a_scene_in_full_physics_and_again_the_same(expert: Evalua
 class QuickHand(KinematicHand):
     """Moves things without the arm."""
 
-    def new_scene(self) -> None:
+    def new_scene(self, primitive: Primitive) -> None:
         """Nothing to forget."""
 
-    def execute(self, *arguments: Any) -> PickPlaceResult:
+    def execute(self, *arguments: Any) -> ActionResult:
         super().execute(*arguments)
-        return PickPlaceResult(Outcome.SUCCEEDED, "moved", None, 0.0)
+        return ActionResult(Outcome.SUCCEEDED, "moved")
 
 
 class Absent(ExpertAgent):
@@ -67,10 +68,10 @@ class Absent(ExpertAgent):
     def __init__(self) -> None:
         self.slips = 1
 
-    def decide(self, task: Task, observation: Heightmap, instruction: str) -> Decision | None:
+    def decide(self, task: Task, observation: Heightmap, instruction: str) -> Answer:
         if self.slips:
             self.slips -= 1
-            return Decision(PlanarPose(0.63, 0.39, 0.0), PlanarPose(0.63, 0.37, 0.0), task.primitive)
+            return PickPlaceAction(PlanarPose(0.63, 0.39, 0.0), PlanarPose(0.63, 0.37, 0.0), task.primitive), None
         return super().decide(task, observation, instruction)
 
 
@@ -90,12 +91,150 @@ def test_a_sequence_says_the_next_sentence_when_a_step_is_done(expert: Evaluator
     assert [step.score for step in (second, *rest)] == pytest.approx([i / 6 for i in range(1, 7)])
 
 
-def test_physics_that_explodes_discards_the_episode(expert: Evaluator, monkeypatch: pytest.MonkeyPatch) -> None:
+class Undoing(ExpertAgent):
+    """The expert for one step, who then puts the block back onto the table and stops."""
+
+    def __init__(self) -> None:
+        self.calls = 0
+        self.back: PickPlaceAction | None = None
+
+    def decide(self, task: Task, observation: Heightmap, instruction: str) -> Answer:
+        self.calls += 1
+        if self.calls > 1:
+            return (self.back if self.calls == 2 else None), None
+        there, _ = super().decide(task, observation, instruction)
+        assert there is not None
+        self.back = replace(there, pick=there.place, place=there.pick)
+        return there, None
+
+
+def test_what_counts_is_the_score_at_the_end_not_the_best(expert: Evaluator) -> None:
+    evaluator = Evaluator(expert.config)
+    evaluator.hand = QuickHand(evaluator.world, np.random.default_rng(0))  # type: ignore[assignment]
+    evaluator.agent = Undoing()
+    several = next(seed for seed in range(50) if _blocks_to_move(reset_scene(evaluator.world, SEEN, "test", seed)) > 1)
+    episode = evaluator.run(several)
+    evaluator.world.close()
+    assert isinstance(episode, Episode)
+    first, second = (step.score for step in episode.actions)
+    assert first > 0.0 and second == 0.0
+    assert episode.score == 0.0
+
+
+def _blocks_to_move(task: Task) -> int:
+    assert isinstance(task, PutBlocksInBowls)
+    return sum(block.color == task.goal.block for block in task.blocks())
+
+
+def test_outcomes_are_those_of_the_seeds_asked_for_in_their_order(tmp_path: Path) -> None:
+    config = EvaluateConfig("expert", SEEN, "val", 3, 3)
+    journal = Journal(tmp_path / "results.json", config.settings())
+    for seed in (9, 5, 3, 4):
+        journal.add(Discarded(seed, "flew apart"))
+    heard: list[object] = []
+    assert [outcome.seed for outcome in evaluate(config, 1, journal, heard.append)] == [3, 4, 5]
+    assert not heard  # all were there
+
+
+def test_a_policy_that_was_trained_again_does_not_continue_the_old_ones_evaluation(tmp_path: Path) -> None:
+    weights = tmp_path / "policy.safetensors"
+    config = EvaluateConfig(str(weights), SEEN, "val", 0, 2)
+    weights.write_bytes(b"weights of old")
+    weights.with_suffix(".json").write_text(json.dumps(load_card(resolve_checkpoint("default")).to_dict()))
+    Journal(tmp_path / "results.json", config.settings()).add(Discarded(0, "flew apart"))
+    assert Journal(tmp_path / "results.json", config.settings()).outcomes.keys() == {0}
+    weights.write_bytes(b"weights of new")  # as many bytes
+    with pytest.raises(OptionError, match=r"begun with other settings .*weights_sha256"):
+        Journal(tmp_path / "results.json", config.settings())
+
+
+class Bursting(QuickHand):
+    """Moves two things; the third flies off, and takes along what was placed."""
+
+    calls = 0
+
+    def execute(self, *arguments: Any) -> ActionResult:
+        self.calls += 1
+        if self.calls < 3:
+            return super().execute(*arguments)
+        for thing in self._world.objects:
+            if not thing.fixed:
+                self._world.move_object(thing, PlanarPose(30.0, 0.0, 0.0).as_pose(5.0))
+        self._world.settle()
+        raise AssertionError("what lies 30 m away is an error")
+
+
+def test_physics_that_explodes_leaves_the_score_that_stood_before_it(expert: Evaluator) -> None:
+    evaluator = Evaluator(replace(expert.config, task="stack-block-pyramid-seq-seen-colors"))
+    evaluator.hand = Bursting(evaluator.world, np.random.default_rng(0))  # type: ignore[assignment]
+    episode = evaluator.run(1)
+    evaluator.world.close()
+    assert isinstance(episode, Episode) and episode.broken and "flew off" in episode.error
+    assert episode.steps == 2 and episode.score == pytest.approx(2 / 6)
+    result = summary(expert.config.settings(), [episode])
+    assert result["mean_score"] == pytest.approx(33.33) and (result["broken"], result["discarded"]) == (1, 0)
+
+
+def test_a_scene_that_breaks_before_the_first_action_is_drawn_again_and_counted(
+    expert: Evaluator, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    settle, calls = expert.world.settle, 0
+
+    def explode_once() -> bool:
+        nonlocal calls
+        calls += 1
+        if calls == 1:
+            raise PhysicsError("the red block flew off")
+        return settle()
+
+    with monkeypatch.context() as patch:
+        patch.setattr(expert.world, "settle", explode_once)
+        patch.setattr(expert, "agent", Idle())
+        episode = expert.run(1)
+    assert isinstance(episode, Episode) and (episode.redraws, episode.score, episode.steps) == (1, 0.0, 0)
+    result = summary(expert.config.settings(), [episode, replace(episode, redraws=3), replace(episode, redraws=0)])
+    assert (result["redrawn"], result["redraws"]) == (2, 4)
+
+
+class Idle(ExpertAgent):
+    """Does nothing."""
+
+    def decide(self, task: Task, observation: Heightmap, instruction: str) -> Answer:
+        return None, None
+
+
+def test_the_agent_without_words_is_the_same_again_and_knows_no_order(expert: Evaluator) -> None:
+    evaluator = Evaluator(replace(expert.config, checkpoint="blind", task="assembling-kits-seq-unseen-colors"))
+    episodes = []
+    for seed in (0, 1, 2, 0):
+        evaluator.hand = QuickHand(evaluator.world, np.random.default_rng(0))  # type: ignore[assignment]
+        episodes.append(evaluator.run(seed))
+    evaluator.world.close()
+    assert episodes[0] == episodes[3]
+    assert all(isinstance(episode, Episode) and episode.steps == 5 for episode in episodes)
+    steps = [step for episode in episodes for step in episode.actions if isinstance(episode, Episode)]
+    assert 0.0 < np.mean([step.pick_right for step in steps]) < 1.0
+
+
+def test_results_say_which_weights_and_method_they_are_of(tmp_path: Path) -> None:
+    """And a network that needs a goal image is refused before an hour is spent on its zeros."""
+    settings = EvaluateConfig("default", SEEN, "val", 0, 2).settings()
+    assert (settings["method"], settings["own_encoders"], settings["met_surveyed_colors"]) == ("compact", True, False)
+    assert len(settings["weights_sha256"]) == 64
+    weights = tmp_path / "policy.safetensors"
+    weights.write_bytes(b"")
+    card = replace(load_card(resolve_checkpoint("default")), network=load_network_config("image_goal_rotator"))
+    weights.with_suffix(".json").write_text(json.dumps(card.to_dict()))
+    with pytest.raises(OptionError, match=r"policy.safetensors reads an image of the goal, which evaluate does not"):
+        EvaluateConfig(str(weights), SEEN, "val", 0, 2).settings()
+
+
+def test_a_scene_without_room_is_discarded(expert: Evaluator, monkeypatch: pytest.MonkeyPatch) -> None:
     def explode() -> bool:
         raise PhysicsError("the red block flew off")
 
     with monkeypatch.context() as patch:
-        patch.setattr(expert.hand, "execute", lambda *arguments: explode())
+        patch.setattr(expert.world, "settle", explode)  # each time that the scene is drawn
         outcome = expert.run(1)
     assert outcome == Discarded(1, "the red block flew off")
     result = summary(expert.config.settings(), [outcome])
@@ -109,7 +248,7 @@ def test_an_interrupted_evaluation_continues_where_it_stopped(
     out = tmp_path / "new" / "results.json"
     config = EvaluateConfig("expert", SEEN, "val", 3, 2)
     record = tmp_path / "new" / "results.episodes.jsonl"
-    journal = Journal(out, config.settings() | {"commit": commit()})
+    journal = Journal(out, config.settings() | source_state().to_dict())
     out.parent.mkdir()
     episode = Evaluator(config).run(3)
     assert isinstance(episode, Episode)
@@ -185,35 +324,20 @@ def test_bad_input_is_one_clear_line(
     assert not list(tmp_path.iterdir())
 
 
-def test_chance_lies_where_counting_says() -> None:
-    world = SimWorld()
-    for seed in range(20):
-        task = world.reset(SEEN, "test", seed)
-        assert isinstance(task, PutBlocksInBowls)
-        blocks = [o.color for o in task.objects if o.name == "block"]
-        bowls = [o.color for o in task.objects if o.name == "bowl"]
-        if task.max_steps != 2:
-            continue
-        hit = 1 / len(blocks) * bowls.count(task.goal.bowl) / len(bowls)
-        expected = hit + (1 - hit) * hit  # at once, or with the second and last step
-        assert chance_score(task, np.random.default_rng(0)) == pytest.approx(expected, abs=0.08)
-    world.close()
-
-
 def test_wording_fills_patterns_in_turn_and_swaps_words(tmp_path: Path) -> None:
     patterns = tmp_path / "patterns.txt"
     patterns.write_text("# new\n\nevery {block} cube into the {bowl} dish\n{bowl} bowl: {block} blocks\n")
     synonyms = tmp_path / "synonyms.txt"
     synonyms.write_text("red = crimson\n")
-    wording = Wording(load_patterns(patterns), load_synonyms(synonyms))
-    goal = ColorGoal("red", "green")
-    assert wording.sentence(goal, 0) == "every crimson cube into the green dish"
-    assert wording.sentence(goal, 3) == "green bowl: crimson blocks"
-    assert replace(wording, patterns=()).sentence(goal, 0) == "put the crimson blocks in a green bowl"
-    assert Wording().sentence(goal, 5) == goal.sentence
+    wording = Wording(load_patterns(patterns, PATTERN), load_synonyms(synonyms))
+    slots = {"block": "red", "bowl": "green"}
+    assert wording.sentence(PATTERN, slots, 0) == "every crimson cube into the green dish"
+    assert wording.sentence(PATTERN, slots, 3) == "green bowl: crimson blocks"
+    assert replace(wording, patterns=()).sentence(PATTERN, slots, 0) == "put the crimson blocks in a green bowl"
+    assert Wording().sentence(PATTERN, slots, 5) == ColorGoal("red", "green").sentence
     patterns.write_text("fine {block} {bowl}\nput {block} away\n")
     with pytest.raises(OptionError, match=r"line 2: the pattern lacks \{bowl\}"):
-        load_patterns(patterns)
+        load_patterns(patterns, PATTERN)
     synonyms.write_text("mauve = purple\n")
     with pytest.raises(OptionError, match="line 1: write 'colour = word'"):
         load_synonyms(synonyms)

@@ -12,6 +12,7 @@ from cliport_benchmark.errors import DataFolderError, OptionError
 from cliport_benchmark.experiment import Experiment, choose
 from cliport_benchmark.experiment_report import write_report
 from cliport_benchmark.json_files import write_json
+from cliport_benchmark.paper_scores import paper_scores
 
 TASK = "put-blocks-in-bowls-seen-colors"
 
@@ -27,20 +28,46 @@ def result(method: str, n_demos: int, score: float) -> dict[str, Any]:
     }
 
 
+def rows_of(path: Path) -> list[list[str]]:
+    return [[c.strip() for c in line.split("|")[1:-1]] for line in path.read_text().splitlines()[2:] if "|" in line]
+
+
+def write(out: Path, method: str, n_demos: int, score: float, **values: Any) -> None:
+    path = out / TASK / method / f"{n_demos}-demos" / "experiment.json"
+    write_json(path, result(method, n_demos, score) | values)
+
+
 def test_scores_stand_beside_the_papers(tmp_path: Path) -> None:
     for method, n_demos, score in (("compact", 10, 55.5), ("transporter", 100, 22.25), ("compact", 100, 99.0)):
-        write_json(tmp_path / TASK / method / f"{n_demos}-demos" / "experiment.json", result(method, n_demos, score))
+        write(tmp_path, method, n_demos, score)
     json_path, table_path, plot_path = write_report(tmp_path)
-    rows = [line.split(" | ") for line in table_path.read_text().splitlines() if line.startswith(f"| {TASK}")]
+    rows = rows_of(table_path)
     assert [(r[1], r[2], r[3]) for r in rows] == [
         ("compact", "10", "55.5"),
         ("compact", "100", "99.0"),
         ("transporter", "100", "22.2"),
     ]
-    assert [r[8] for r in rows] == ["73.0", "98.2", "63.2"]
-    assert rows[2][9].startswith("Transporter-only")
+    for row, method in zip(rows, ["CLIPORT (single)", "CLIPORT (single)", "Transporter-only"], strict=True):
+        test, val = (paper_scores()[table, method, TASK, int(row[2])] for table in ("1", "4"))
+        assert [row[4], row[8], row[10]] == [f"{test:.1f}", f"{val:.1f}", method]
     assert json_path.read_text().count('"method"') == 3
     assert cv2.imread(str(plot_path)).shape[1] > 500
+
+
+def test_a_row_is_found_by_the_configs_stem_and_not_for_other_encoders(tmp_path: Path) -> None:
+    write(tmp_path, "a", 100, 1.0, config="configs/clip_only_rotator.yaml", settings=["width=0.5"])
+    write(tmp_path, "b", 100, 2.0, config="rn50_bert_rotator", own_encoders=False)
+    assert [row[10] for row in rows_of(write_report(tmp_path)[1])] == ["CLIP-only", "CLIPORT (single)"]
+
+
+def test_what_the_paper_has_not_stands_beside_nothing(tmp_path: Path) -> None:
+    unseen, objects = TASK.replace("seen", "unseen"), "packing-seen-google-objects-seq"
+    test = result("x", 100, 50.0)["test"][TASK]
+    write(tmp_path, "told", 100, 9.0, task=TASK, settings=["train.recolor=surveyed"], test={TASK: test, unseen: test})
+    write(tmp_path, "own", 100, 9.0, task=TASK, test={TASK: test, objects: test | {"object_set": "own-56"}})
+    rows = {(row[1], row[0]): [row[4], row[8]] for row in rows_of(write_report(tmp_path)[1])}
+    assert all(rows[method, TASK][0] and rows[method, TASK][1] for method in ("told", "own"))
+    assert rows["told", unseen] == rows["own", objects] == ["", ""]
 
 
 def test_nothing_and_damaged_results_are_refused(tmp_path: Path) -> None:
@@ -60,3 +87,5 @@ def test_what_makes_no_experiment_is_refused() -> None:
         Experiment(TASK, "compact", 10, steps=100, keep_steps=(200,))
     with pytest.raises(OptionError, match="--n-demos"):
         Experiment(TASK, "compact", 0, steps=100, keep_steps=(100,))
+    with pytest.raises(OptionError, match="--config image_goal_rotator reads an image of the goal"):
+        Experiment(TASK, "image_goal_rotator", 10, steps=100, keep_steps=(100,))

@@ -7,6 +7,11 @@ import sys
 import time
 from pathlib import Path
 
+import pytest
+
+from cliport_benchmark.errors import BenchmarkError
+from cliport_benchmark.parallel import run_parallel
+
 SCRIPT = """
 import os, sys, time
 from cliport_benchmark.parallel import run_parallel
@@ -34,6 +39,23 @@ def test_everything_is_done(tmp_path: Path) -> None:
     process = start(tmp_path, 0.1)
     out, _ = process.communicate(timeout=30)
     assert [line.split()[0] for line in out.splitlines()] == ["0.0", "0.1"] and process.returncode == 0
+
+
+def half(number: int) -> int:
+    if number == 3:
+        raise ValueError("3 is odd")
+    return number // 2
+
+
+def nothing() -> None:
+    """Needs no preparation."""
+
+
+def test_what_finished_is_kept_when_one_item_raises() -> None:
+    results = run_parallel(half, [3, 2, 4, 6], 1, nothing)
+    assert sorted(next(results) for _ in range(3)) == [(2, 1), (4, 2), (6, 3)]
+    with pytest.raises(BenchmarkError, match=r"^3: ValueError: 3 is odd$"):
+        next(results)
 
 
 def test_a_killed_parent_leaves_no_process(tmp_path: Path) -> None:

@@ -7,12 +7,12 @@ import pytest
 
 from cliport_benchmark.record import RecordConfig
 from cliport_benchmark.record_cli import main
+from cliport_core import WorkspaceSpec
 from cliport_episodes.bags import decode, read_messages
 from cliport_episodes.data_set import DataSet
 from cliport_episodes.demonstration import Source
 from cliport_episodes.reader import Episode
 from cliport_episodes.writer import EpisodeWriter
-from cliport_perception import WorkspaceSpec
 from cliport_policy.data.from_bags import demo_of
 from sim_bridge.colors import COLORS
 
@@ -44,8 +44,8 @@ def test_an_episode_shows_what_was_done(episode: Episode) -> None:
     for step in episode.steps:
         record, seen = step.record, step.observation()
         assert (record.instruction, record.source) == (SENTENCE, Source.EXPERT)
-        assert record.executed and record.outcome == 0 and record.grasp_centroid is not None
-        assert record.grasp_centroid[:2] == pytest.approx((record.pick.x, record.pick.y), abs=0.01)
+        assert record.result is not None and record.result.outcome == 0 and record.result.grasp_centroid is not None
+        assert record.result.grasp_centroid[:2] == pytest.approx((record.action.pick.x, record.action.pick.y), abs=0.01)
         assert seen.color.shape == (540, 960, 3) and np.isfinite(seen.depth_m).mean() > 0.9
         assert len(seen.joint_positions) == 9
         heightmap, demo = seen.heightmap(workspace), demo_of(record, workspace)

@@ -9,7 +9,7 @@ import pytest
 from cliport_benchmark.kinematic_hand import KinematicHand
 from cliport_benchmark.observer import Observer
 from cliport_benchmark.setting_down import set_down
-from cliport_perception import PlanarPose, Pose
+from cliport_core import PickPlaceAction, PlanarPose, Pose
 from sim_bridge.objects import SceneObject, block_shape, bowl_shape, container_shape
 from sim_bridge.objects.block import BLOCK_SIZE
 from sim_bridge.objects.bowl import BOWL_FLOOR, BOWL_HEIGHT
@@ -58,7 +58,7 @@ def test_the_hand_turns_things_about_the_pick_and_scatters_as_the_arm(world: Sim
     errors = []
     for _ in range(20):
         world.move_object(block, PlanarPose(0.3, -0.3, 0.0).as_pose(HALF))
-        hand.execute(PlanarPose(0.31, -0.3, 0.2), PlanarPose(0.5, 0.1, 0.2 + math.pi / 2), frame)
+        hand.execute(PickPlaceAction(PlanarPose(0.31, -0.3, 0.2), PlanarPose(0.5, 0.1, 0.2 + math.pi / 2)), frame)
         at = world.planar_pose(block)
         errors.append((at.x - 0.5, at.y - 0.09, at.yaw - math.pi / 2))
     spread = np.sqrt(np.mean(np.square(errors), axis=0))
@@ -68,7 +68,9 @@ def test_the_hand_turns_things_about_the_pick_and_scatters_as_the_arm(world: Sim
 def test_where_nothing_lies_nothing_moves(world: SimWorld, block: SceneObject) -> None:
     frame = Observer(world.config).frame(world)
     before = world.object_pose(block).translation
-    KinematicHand(world, np.random.default_rng(0)).execute(PlanarPose(0.5, 0.3, 0.0), PlanarPose(0.5, 0.0, 0.0), frame)
+    KinematicHand(world, np.random.default_rng(0)).execute(
+        PickPlaceAction(PlanarPose(0.5, 0.3, 0.0), PlanarPose(0.5, 0.0, 0.0)), frame
+    )
     np.testing.assert_allclose(world.object_pose(block).translation, before, atol=1e-3)
 
 

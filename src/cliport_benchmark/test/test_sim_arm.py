@@ -7,11 +7,11 @@ import pytest
 
 from cliport_benchmark.sim_arm import SimArmPort, SimGripperPort, SimMotion
 from panda_executor.ports import MotionStatus
-from panda_executor.trajectory import PANDA_JOINTS, JointTrajectory
-from sim_bridge.panda import READY_POSITIONS
+from panda_executor.trajectory import JointTrajectory
+from sim_bridge.robot import ROBOT
 from sim_bridge.world import SimWorld
 
-READY = np.array(READY_POSITIONS)
+READY = ROBOT.ready
 
 
 @pytest.fixture
@@ -23,7 +23,7 @@ def motion() -> Iterator[SimMotion]:
 
 def to(goal: np.ndarray, seconds: float, start: np.ndarray = READY) -> JointTrajectory:
     still = np.zeros((2, 7))
-    return JointTrajectory(PANDA_JOINTS, np.array([0.0, seconds]), np.stack([start, goal]), still, still)
+    return JointTrajectory(ROBOT.arm_joints, np.array([0.0, seconds]), np.stack([start, goal]), still, still)
 
 
 def test_a_trajectory_ends_at_its_goal_in_its_time(motion: SimMotion) -> None:

@@ -1,7 +1,7 @@
 """Language-conditioned pick and place: networks, training and offline inference.
 
 policy = load_policy("default")
-action = policy.infer(heightmap, "put the red blocks in a green bowl")
+action = policy.infer(heightmap, "put the red blocks in a green bowl").action
 """
 
 import os
@@ -10,8 +10,8 @@ import os
 # Read when torch is first imported.
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 
-from cliport_policy.action import AffordanceMaps, PickPlaceAction
 from cliport_policy.errors import PolicyError
+from cliport_policy.inference import AffordanceMaps, Inference
 from cliport_policy.policy import Policy, load_policy
 
-__all__ = ["AffordanceMaps", "PickPlaceAction", "Policy", "PolicyError", "load_policy"]
+__all__ = ["AffordanceMaps", "Inference", "Policy", "PolicyError", "load_policy"]

@@ -1,4 +1,4 @@
-"""Modules without values, for those whose weights come from a file: built at once, and without memory."""
+"""Modules without values, for weights that come from a file: built at once, and without memory."""
 
 from __future__ import annotations
 
@@ -14,8 +14,10 @@ _FILLS = (Tensor.normal_, Tensor.uniform_)
 
 
 class _LeaveBlank(TorchFunctionMode):
-    """Random initial values are not drawn. Even on the meta device they would be: by torch's compiler, whose import
-    takes seconds and 100 MB."""
+    """Mode in which random initial values are not drawn.
+
+    They would be drawn even on the meta device: by torch's compiler, whose import takes seconds and 100 MB.
+    """
 
     def __torch_function__(
         self,
@@ -33,6 +35,6 @@ class _LeaveBlank(TorchFunctionMode):
 
 @contextmanager
 def blank_modules() -> Iterator[None]:
-    """Modules made within are on the meta device: `load_state_dict(..., assign=True)` makes them usable."""
+    """Make modules on the meta device within this context; `load_state_dict(..., assign=True)` makes them usable."""
     with torch.device("meta"), _LeaveBlank():
         yield

@@ -16,7 +16,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from cliport_policy.calibration import Calibration, Judged, TemperatureFit
+from cliport_policy.calibration import Calibration, JudgedAnswer, TemperatureFit
 from cliport_policy.checkpoint import load_checkpoint, resolve_checkpoint, write_json
 from cliport_policy.data.demonstrations import DemonstrationSet, load_demonstrations
 from cliport_policy.errors import ConfigError, DataError, PolicyError
@@ -25,7 +25,7 @@ from cliport_policy.policy import Policy, load_policy
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Entry point; returns the exit status."""
+    """Run the command; return the exit status."""
     args = _parser().parse_args(argv)
     try:
         if args.count < 1:
@@ -55,10 +55,12 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def calibrate(policy: Policy, data: DemonstrationSet, count: int) -> dict[str, Calibration]:
-    """The temperatures of `pick` and `place` that suit up to so many demonstrations, drawn at random.
+    """Return the temperatures of `pick` and `place` that suit up to `count` demonstrations, drawn at random.
 
-    A place is judged where the pick is the expert's. Raises DataError where the data set has another workspace or no
-    action in it.
+    A place is judged only if the pick is the expert's.
+
+    Raises:
+        DataError: if the data set has another workspace or holds no action.
     """
     if data.workspace != policy.workspace:
         raise DataError(
@@ -81,15 +83,15 @@ def calibrate(policy: Policy, data: DemonstrationSet, count: int) -> dict[str, C
     return {name: fit.result() for name, fit in fits.items()}
 
 
-def judge(grid: CellGrid, logits: Tensor, peak: Peak, expert: tuple[int, int]) -> Judged:
-    """An answer, (R, h * w) logits and their peak, against the expert's pixel."""
+def judge(grid: CellGrid, logits: Tensor, peak: Peak, expert: tuple[int, int]) -> JudgedAnswer:
+    """Compare an answer, (R, h * w) logits and their peak, with the expert's pixel (row, col)."""
     cell = grid.cell_of(expert)
     right = torch.from_numpy(grid.disc(cell).flatten())
-    return Judged(logits, right, torch.from_numpy(peak.near.flatten()), bool(peak.near[cell]))
+    return JudgedAnswer(logits, right, torch.from_numpy(peak.near.flatten()), bool(peak.near[cell]))
 
 
 def _write(path: Path, found: dict[str, Calibration], data: str) -> None:
-    """Into the card beside the weights."""
+    """Write the temperatures into the card beside the weights."""
     _, card = load_checkpoint(path)
     errors = {name: {"ece": each.ece_after, "ece_before": each.ece_before, "n": each.n} for name, each in found.items()}
     card = replace(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
 import os
@@ -15,7 +16,8 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import save_file
 from torch import Tensor
 
-from cliport_perception.workspace import WorkspaceSpec
+from cliport_core.action import Primitive
+from cliport_core.workspace import WorkspaceSpec
 from cliport_policy.errors import CheckpointError, ConfigError
 from cliport_policy.named_configs import AnyNetworkConfig, network_config_from_dict
 
@@ -23,15 +25,16 @@ FORMAT_VERSION = 1
 SHIPPED_FOLDER = Path(__file__).parent / "weights"
 DEFAULT_NAME = "compact-bowls"
 CALIBRATED = ("pick", "place")
-ANCHORS = "instruction_anchors"  # the tensor of training sentences that new ones are compared with
+ANCHORS = "instruction_anchors"  # tensor of training sentences, compared with new ones
 
 
 @dataclass(frozen=True)
 class Card:
-    """What a checkpoint is: its network, its workspace, the text encoder it expects and how it came about.
+    """Description of a checkpoint: its network, its workspace, its text encoder and how it came about.
 
     frozen: name and fingerprint of the frozen encoders that a network of streams was trained on.
-    temperatures: what the logits of `pick` and `place` are divided by for calibrated confidences; 1 where absent.
+    temperatures: divisors of the logits of `pick` and `place` for calibrated confidences; 1 if absent.
+    primitive: the primitive of all demonstrations behind it; pick_place if the card does not say.
     min_similarity: an instruction whose sentence vector is less similar than this to every anchor is refused.
     """
 
@@ -43,6 +46,7 @@ class Card:
     scores: dict[str, Any] = field(default_factory=dict)
     frozen: str = ""
     temperatures: dict[str, float] = field(default_factory=dict)
+    primitive: Primitive = Primitive.PICK_PLACE
 
     def __post_init__(self) -> None:
         for name, value in self.temperatures.items():
@@ -50,10 +54,11 @@ class Card:
                 raise ConfigError(f"a temperature must be positive and of {' or '.join(CALIBRATED)}: {name} is {value}")
 
     def temperature(self, name: str) -> float:
-        """Of `pick` or `place`."""
+        """Return the temperature of `pick` or `place`."""
         return self.temperatures.get(name, 1.0)
 
     def to_dict(self) -> dict[str, Any]:
+        """Return plain values, ready for JSON."""
         return {
             "version": FORMAT_VERSION,
             "network": self.network.to_dict(),
@@ -64,10 +69,16 @@ class Card:
             "scores": self.scores,
             "frozen": self.frozen,
             "temperatures": self.temperatures,
+            "primitive": self.primitive.label,
         }
 
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> Card:
+        """Read the values that `to_dict` returned.
+
+        Raises:
+            KeyError, ConfigError: if a value is absent or can't be.
+        """
         return cls(
             network=network_config_from_dict(values["network"]),
             workspace=WorkspaceSpec.from_dict(values["workspace"]),
@@ -77,18 +88,20 @@ class Card:
             scores=dict(values.get("scores", {})),
             frozen=str(values.get("frozen", "")),
             temperatures={name: float(value) for name, value in values.get("temperatures", {}).items()},
+            primitive=Primitive.from_label(values.get("primitive", Primitive.PICK_PLACE.label)),
         )
 
 
 def shipped_names() -> list[str]:
-    """Names of the checkpoints that the package ships."""
+    """Return the names of the checkpoints that the package ships."""
     return sorted(path.stem for path in SHIPPED_FOLDER.glob("*.safetensors"))
 
 
 def resolve_checkpoint(path_or_name: str | Path) -> Path:
-    """The weights file of a path, of a shipped name, or of `default`.
+    """Return the weights file of a path, of a shipped name, or of `default`.
 
-    Raises CheckpointError, naming the shipped ones, where there is no such file.
+    Raises:
+        CheckpointError: naming the shipped checkpoints, if there is no such file.
     """
     name = str(path_or_name)
     if name == "default":
@@ -107,9 +120,10 @@ def resolve_checkpoint(path_or_name: str | Path) -> Path:
 
 @contextmanager
 def whole_file(path: Path) -> Iterator[Path]:
-    """A temporary path beside `path` that takes its place when all went well; otherwise what was there stays.
+    """Yield a temporary path beside `path` that replaces it if the block succeeds, and is removed otherwise.
 
-    Raises CheckpointError where it can't be written, as on a full disk.
+    Raises:
+        CheckpointError: if the file can't be written, as on a full disk.
     """
     temporary = path.with_name(path.name + ".tmp")
     try:
@@ -126,17 +140,25 @@ def whole_file(path: Path) -> Iterator[Path]:
 
 
 def save_checkpoint(path: Path, tensors: dict[str, Tensor], card: Card) -> None:
-    """Write weights and card; each file appears whole or not at all. Raises CheckpointError where it can't."""
+    """Write weights and card; each file appears whole or not at all.
+
+    Raises:
+        CheckpointError: if they can't be written.
+    """
     with whole_file(path) as temporary:
         save_file({name: tensor.detach().contiguous() for name, tensor in tensors.items()}, temporary)
         write_json(path.with_suffix(".json"), card.to_dict())
 
 
 class StoredTensors(Mapping[str, Tensor]):
-    """The tensors of a file, each read when it is asked for: of a large file only one need be in memory at a time."""
+    """Mapping of a file's tensors, each read on access, so that only one of a large file need be in memory."""
 
     def __init__(self, path: Path) -> None:
-        """Raises OSError or SafetensorError where there is no whole file."""
+        """Open a file.
+
+        Raises:
+            OSError, SafetensorError: if it is absent or damaged.
+        """
         self._path = path
         with safe_open(path, "pt") as file:
             self._names = list(file.keys())
@@ -155,8 +177,12 @@ class StoredTensors(Mapping[str, Tensor]):
         return len(self._names)
 
 
-def load_checkpoint(path: Path) -> tuple[StoredTensors, Card]:
-    """Weights and card of a file written by save_checkpoint. Raises CheckpointError on anything unusable."""
+def load_card(path: Path) -> Card:
+    """Read the card beside a weights file.
+
+    Raises:
+        CheckpointError: if it is absent or unusable.
+    """
     card_path = path.with_suffix(".json")
     if not card_path.is_file():
         raise CheckpointError(f"checkpoint {path} has no card: {card_path.name} must lie beside it")
@@ -167,20 +193,39 @@ def load_checkpoint(path: Path) -> tuple[StoredTensors, Card]:
                 f"checkpoint {path} has format {values.get('version')!r}, "
                 f"this version reads {FORMAT_VERSION}: train again"
             )
-        card = Card.from_dict(values)
+        return Card.from_dict(values)
     except CheckpointError:
         raise
     except (OSError, ValueError, KeyError, TypeError, AttributeError, ConfigError) as error:
         raise CheckpointError(f"the card {card_path} is damaged ({error}): restore it or train again") from error
     except Exception as error:  # an unusable workspace: its own error type belongs to another package
         raise CheckpointError(f"the card {card_path} holds no usable workspace ({error})") from error
+
+
+def load_checkpoint(path: Path) -> tuple[StoredTensors, Card]:
+    """Read weights and card of a file written by save_checkpoint.
+
+    Raises:
+        CheckpointError: if either is absent or unusable.
+    """
+    card = load_card(path)
     try:
         return StoredTensors(path), card
     except (OSError, SafetensorError, ValueError) as error:
         raise CheckpointError(f"checkpoint {path} is damaged ({error}): restore it or train again") from error
 
 
+def weights_sha256(path: Path) -> str:
+    """Return the SHA-256 of a weights file, in hexadecimal digits."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
 def write_json(path: Path, values: dict[str, Any]) -> None:
-    """Write a JSON file that appears whole or not at all. Raises CheckpointError where it can't."""
+    """Write a JSON file that appears whole or not at all.
+
+    Raises:
+        CheckpointError: if it can't be written.
+    """
     with whole_file(path) as temporary:
         temporary.write_text(json.dumps(values, indent=2) + "\n")

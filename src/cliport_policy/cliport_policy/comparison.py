@@ -1,17 +1,17 @@
-"""How far a policy's pick and place are from what was recorded: pixels, millimetres, degrees."""
+"""Distances of a policy's pick and place from what was recorded, in pixels, millimetres and degrees."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from statistics import median
 from typing import Any
 
-from cliport_perception.heightmap import Heightmap
-from cliport_perception.pose import PlanarPose
-from cliport_perception.workspace import WorkspaceSpec
-from cliport_policy.action import PickPlaceAction
+from cliport_core.action import PickPlaceAction
+from cliport_core.heightmap import Heightmap
+from cliport_core.pose import PlanarPose
+from cliport_core.workspace import WorkspaceSpec
 from cliport_policy.errors import InstructionError
 from cliport_policy.policy import Policy
 
@@ -21,39 +21,44 @@ _HALF_TURN, _FULL_TURN = 180.0, 360.0
 
 @dataclass(frozen=True, eq=False)
 class RecordedStep:
-    """What was seen, said and done; source: which episode or bag it is from, step: which of it."""
+    """Recorded observation, sentence and action.
+
+    source: name of the episode or bag; step: its number in it.
+    """
 
     source: str
     step: int
     stamp_ns: int
     heightmap: Heightmap
     instruction: str
-    pick: PlanarPose
-    place: PlanarPose
+    action: PickPlaceAction
 
 
 @dataclass
 class Span:
-    """From the first to the last moment of something."""
+    """Time from the first to the last of several moments."""
 
     first_ns: int | None = None
     last_ns: int = 0
 
     def add(self, stamp_ns: int) -> None:
-        """A moment of it [ns]."""
+        """Extend the span to a moment [ns]."""
         self.first_ns = stamp_ns if self.first_ns is None else min(self.first_ns, stamp_ns)
         self.last_ns = max(self.last_ns, stamp_ns)
 
     @property
     def seconds(self) -> float:
-        """How long it is."""
+        """Length of the span [s]."""
         return 0.0 if self.first_ns is None else 1e-9 * (self.last_ns - self.first_ns)
 
 
 @dataclass(frozen=True)
 class Errors:
-    """Of a prediction. pick_deg: of the jaws, for which half a turn is none, 0..90; turn_deg: of the turn from pick to
-    place, 0..180."""
+    """Distances of a prediction from what was recorded.
+
+    pick_deg: angle between the jaws, 0..90; half a turn makes no difference.
+    turn_deg: difference of the turns from pick to place, 0..180.
+    """
 
     pick_px: float
     pick_mm: float
@@ -64,13 +69,16 @@ class Errors:
 
     @property
     def worst_mm(self) -> float:
-        """The greater of the two distances."""
+        """Greater of the two distances."""
         return max(self.pick_mm, self.place_mm)
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """A recorded step and what the policy says of it; refused: why it says nothing. Poses are (x, y [m], yaw [rad])."""
+    """Recorded step beside the policy's answer. Poses are (x, y [m], yaw [rad]).
+
+    refused: the reason, if the policy refused the sentence.
+    """
 
     source: str
     step: int
@@ -87,37 +95,49 @@ class Comparison:
     refused: str = ""
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain values, ready for JSON."""
+        """Return plain values, ready for JSON."""
         return asdict(self)
 
 
 def compare(policy: Policy, step: RecordedStep) -> Comparison:
-    """Ask a policy about a recorded step. Raises ObservationError where the step's workspace is not the policy's."""
-    known = (step.source, step.step, step.stamp_ns, step.instruction, _rounded(step.pick), _rounded(step.place))
+    """Ask a policy about a recorded step.
+
+    Raises:
+        ObservationError: if the step's workspace is not the policy's.
+    """
+    recorded = step.action
+    known = Comparison(
+        source=step.source,
+        step=step.step,
+        stamp_ns=step.stamp_ns,
+        instruction=step.instruction,
+        recorded_pick=_rounded(recorded.pick),
+        recorded_place=_rounded(recorded.place),
+    )
     try:
-        action = policy.infer(step.heightmap, step.instruction)
+        inference = policy.infer(step.heightmap, step.instruction)
     except InstructionError as refusal:
-        return Comparison(*known, refused=str(refusal))
-    return Comparison(
-        *known,
-        _rounded(action.pick),
-        _rounded(action.place),
-        errors_of(action, step.pick, step.place, step.heightmap.workspace),
-        round(action.pick_confidence, 4),
-        round(action.place_confidence, 4),
-        round(action.done_probability, 4),
+        return replace(known, refused=str(refusal))
+    return replace(
+        known,
+        predicted_pick=_rounded(inference.action.pick),
+        predicted_place=_rounded(inference.action.place),
+        errors=action_errors(inference.action, recorded, step.heightmap.workspace),
+        pick_confidence=round(inference.pick_confidence, 4),
+        place_confidence=round(inference.place_confidence, 4),
+        done_probability=round(inference.done_probability, 4),
     )
 
 
-def errors_of(action: PickPlaceAction, pick: PlanarPose, place: PlanarPose, workspace: WorkspaceSpec) -> Errors:
-    """Of an action against what was recorded."""
-    pick_mm, place_mm = _distance_mm(action.pick, pick), _distance_mm(action.place, place)
+def action_errors(action: PickPlaceAction, recorded: PickPlaceAction, workspace: WorkspaceSpec) -> Errors:
+    """Return the distances of an action from the recorded one."""
+    pick_mm, place_mm = _distance_mm(action.pick, recorded.pick), _distance_mm(action.place, recorded.place)
     pixel_mm = 1000.0 * workspace.pixel_size
-    turn = (action.place.yaw - action.pick.yaw) - (place.yaw - pick.yaw)
+    turn = (action.place.yaw - action.pick.yaw) - (recorded.place.yaw - recorded.pick.yaw)
     return Errors(
         round(pick_mm / pixel_mm, 2),
         round(pick_mm, 2),
-        round(_angle_deg(action.pick.yaw - pick.yaw, _HALF_TURN), 2),
+        round(_angle_deg(action.pick.yaw - recorded.pick.yaw, _HALF_TURN), 2),
         round(place_mm / pixel_mm, 2),
         round(place_mm, 2),
         round(_angle_deg(turn, _FULL_TURN), 2),
@@ -125,7 +145,7 @@ def errors_of(action: PickPlaceAction, pick: PlanarPose, place: PlanarPose, work
 
 
 def summarize(comparisons: Sequence[Comparison]) -> dict[str, Any]:
-    """Medians, the value that nine in ten stay below, and how often both ends are meant; refused steps miss both."""
+    """Return medians, ninth deciles and the shares of steps within NEAR_MM; a refused step counts as a miss."""
     found = [c.errors for c in comparisons if c.errors is not None]
     summary: dict[str, Any] = {"steps": len(comparisons), "refused": len(comparisons) - len(found)}
     for name in Errors.__dataclass_fields__:
@@ -150,7 +170,7 @@ def _distance_mm(a: PlanarPose, b: PlanarPose) -> float:
 
 
 def _angle_deg(difference: float, period: float) -> float:
-    """Of a difference [rad], where turning by `period` degrees is nothing."""
+    """Return the size [degrees] of a difference [rad] between angles that repeat after `period` degrees."""
     return abs(math.remainder(math.degrees(difference), period))
 
 

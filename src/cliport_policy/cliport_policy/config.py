@@ -23,7 +23,8 @@ class NetworkConfig:
     token_dim: width of the frozen text encoder's token embeddings. goal_dim: width of one goal vector.
     transport_channels: features that are correlated. query_cells: side of the query window in cells of 2 pixels.
     crop_pixels: side of the rotator's crop. n_rotations: k of rotator and transport.
-    language, heights: False takes the sentence, or the heights, from the network: ablations.
+    language, heights, mask: False takes the sentence, the heights, or the mask of cells that the depth camera saw,
+    from the network: ablations. Without the mask cells that were not seen are still a uniform grey in the picture.
     """
 
     widths: tuple[int, ...] = (24, 40, 64, 96)
@@ -35,6 +36,7 @@ class NetworkConfig:
     n_rotations: int = 36
     language: bool = True
     heights: bool = True
+    mask: bool = True
 
     def __post_init__(self) -> None:
         check_types(self, "network")
@@ -47,34 +49,45 @@ class NetworkConfig:
             )
 
     def to_dict(self) -> dict[str, Any]:
+        """Return plain values, ready for JSON."""
         return asdict(self)
 
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> NetworkConfig:
+        """Read the values that `to_dict` returned.
+
+        Raises:
+            ConfigError: if a name or a value can't be.
+        """
         check_keys(values, (f.name for f in fields(cls)), "network")
         return cls(**{**values, "widths": tuple(values.get("widths", cls.widths))})
 
 
 @dataclass(frozen=True)
 class TrainConfig:
-    """How a network is trained; the defaults are this project's own way, PAPER is the paper's.
+    """Recipe of a training; the defaults are this project's own, PAPER is the paper's.
 
     batch_size: samples of a step in all, however many processes and accumulated parts share them.
-    accumulate: parts that a step's samples are handled in, one after the other, in each process.
+    accumulate: parts that a process splits its share of a step into, one after the other.
     schedule: `cosine` to a hundredth, or `constant`; both after warmup_steps. Adam, with weight_decay as in AdamW.
-    ema_decay: of the averaged weights that are saved; 0: the weights themselves. gradient_clip: 0 is none.
+    ema_decay: decay of the averaged weights, which are saved; 0 saves the weights themselves.
+    gradient_clip: greatest norm of the gradient; 0 does not clip.
     targets: `soft`, a narrow Gaussian around the expert's pixel and yaw, or `one_hot`.
-    rotator_rotations, transport_rotations: how many of the k rotations compete in a sample's softmax, the right one
-    and others drawn at random; 0: all.
-    done_share: of samples that show a finished scene, as far as there are any.
-    rotation_sigma_deg, translation_sigma_px: of the SE(2) augmentation, which augment_probability of the samples get;
-    directed_rotation_sigma_deg: the same where the sentence names a direction, such as left, that turning falsifies.
-    precision: `bfloat16` where it loses little, `float32`, or `auto`: the first where this machine is fast at it.
-    recolor: recolor_probability of the samples that name colours get others, and their sentences too: `demonstrated`,
-    those that the demonstrations show and name, or `surveyed`, all basic colours, in shades of a survey; or `none`.
-    rearrange_probability: of samples whose things are put elsewhere on the table, each by itself: where things may lie
-    anywhere, as blocks and bowls may, but not a rope at its frame.
-    jitter: whether colours and heights get small errors. phrases_per_goal: wordings that a canonical sentence gets.
+    rotator_rotations, transport_rotations: number of the k rotations that compete in a sample's softmax, the right one
+    and others drawn at random; 0 takes all.
+    done_share: share of samples that show a finished scene, if there are any.
+    augment_probability: share of samples that are moved by a random SE(2) transform.
+    rotation_sigma_deg, translation_sigma_px: spread of these transforms.
+    directed_rotation_sigma_deg: spread of rotations for a sentence that names a direction, such as left, which turning
+    would falsify.
+    precision: `bfloat16`, which loses little, `float32`, or `auto`: bfloat16 if this machine is fast at it.
+    recolor: `demonstrated` repaints samples in colours that the demonstrations show and name, `surveyed` in all basic
+    colours, in shades of a survey; `none` repaints nothing.
+    recolor_probability: share of the samples naming colours that are repainted, their sentences with them.
+    rearrange_probability: share of samples whose things are put elsewhere on the table, each by itself; for tasks whose
+    things may lie anywhere, as blocks and bowls may, but not a rope at its frame.
+    jitter: True adds small errors to colours and heights.
+    phrases_per_goal: number of wordings of each canonical sentence.
     """
 
     steps: int = 6000
@@ -121,7 +134,7 @@ class TrainConfig:
                 raise ConfigError(f"{name}={getattr(self, name)} must be in 0..1")
 
     def learning_rate_at(self, step: int) -> float:
-        """Linear warm-up, then the schedule."""
+        """Return the learning rate of a step: linear warm-up, then the schedule."""
         warm = min(1.0, (step + 1) / max(self.warmup_steps, 1))
         if self.schedule == "constant":
             return self.learning_rate * warm
@@ -129,11 +142,12 @@ class TrainConfig:
         return self.learning_rate * warm * (0.01 + 0.99 * 0.5 * (1 + math.cos(math.pi * progress)))
 
     def to_dict(self) -> dict[str, Any]:
+        """Return plain values, ready for JSON."""
         return asdict(self)
 
 
-# Spec, sections 9.2 and 9.3. Its two optimisers, of the pick's and of the place's nets, are one here: Adam treats each
-# weight by itself. Ordinary cross-entropy, as section 9.2 recommends.
+# docs/paper.md, "Training" and "Augmentation". The paper's two optimisers, for the pick's and the place's nets, are one
+# here, since Adam treats each weight by itself. The cross-entropy is the ordinary one.
 PAPER = TrainConfig(
     steps=201_000,
     batch_size=1,
@@ -152,6 +166,6 @@ PAPER = TrainConfig(
     jitter=False,
     phrases_per_goal=0,
 )
-# For some ten demonstrations on a laptop: ten minutes at most, from a checkpoint that knows the rest.
+# Recipe for some ten demonstrations on a laptop: ten minutes at most, from a checkpoint that knows the rest.
 FINE_TUNE = TrainConfig(steps=200, learning_rate=5e-4, warmup_steps=30, ema_decay=0.99, phrases_per_goal=40)
 RECIPES = {"ours": TrainConfig(), "paper": PAPER, "fine_tune": FINE_TUNE}

@@ -8,25 +8,25 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
+from cliport_core.errors import CoreError
+from cliport_core.workspace import WorkspaceSpec
 from cliport_episodes.errors import EpisodesError
-from cliport_perception.errors import PerceptionError
-from cliport_perception.workspace import WorkspaceSpec
 from cliport_policy.data.episode_folders import find_episodes
 from cliport_policy.data.from_bags import Selection, Tally, make_data_set
 from cliport_policy.errors import PolicyError
 
-_EVERY_S = 1.0  # between lines of progress
+_EVERY_S = 1.0  # pause between lines of progress
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Entry point; returns the exit status."""
+    """Run the command; return the exit status."""
     args = _parser().parse_args(argv)
     try:
         workspace = None if args.workspace is None else WorkspaceSpec.load(args.workspace)
         selection = Selection(unmarked=not args.only_success, failed=args.with_failed)
         paths = find_episodes(args.from_bags)
         tally = make_data_set(paths, args.out, selection, workspace, _Progress(len(paths)))
-    except (PolicyError, PerceptionError, EpisodesError) as error:
+    except (PolicyError, CoreError, EpisodesError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 1
     except KeyboardInterrupt:
@@ -37,7 +37,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 class _Progress:
-    """A line a second at most."""
+    """Progress display that prints at most one line a second."""
 
     def __init__(self, total: int) -> None:
         self._total, self._started = total, time.monotonic()

@@ -6,28 +6,28 @@ class PolicyError(Exception):
 
 
 class InstructionError(PolicyError):
-    """An instruction that the policy refuses: empty, too long, or unlike anything it was trained on."""
+    """Refusal of an instruction: empty, too long, or unlike anything the policy was trained on."""
 
 
 class CheckpointError(PolicyError):
-    """A checkpoint that is missing, damaged or made for another version."""
+    """Checkpoint that is missing, damaged or made for another version."""
 
 
 class ConfigError(PolicyError):
-    """A setting of the network or of the training that cannot work."""
+    """Setting of the network or of the training that cannot work."""
 
 
 class EncoderError(PolicyError):
-    """A frozen encoder whose file is missing, damaged or of another kind."""
+    """Frozen encoder whose file is missing, damaged or of another kind."""
 
 
 class DataError(PolicyError):
-    """A demonstration set that is missing, damaged or does not fit the configuration."""
+    """Demonstration set that is missing, damaged or does not fit the configuration."""
 
 
 class TrainingError(PolicyError):
-    """A training that has gone wrong and must not be saved over what was good."""
+    """Training that has gone wrong and must not be saved over what was good."""
 
 
 class ObservationError(PolicyError):
-    """An observation whose workspace is not the one the policy was trained on, or that shows nothing."""
+    """Observation that shows nothing, or whose workspace is not the one the policy was trained on."""

@@ -12,8 +12,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from cliport_perception.errors import PerceptionError
-from cliport_perception.heightmap import Heightmap
+from cliport_core import topics
+from cliport_core.errors import CoreError
+from cliport_core.heightmap import Heightmap
 from cliport_policy.data.demonstrations import load_demonstrations
 from cliport_policy.errors import DataError, PolicyError
 from cliport_policy.explain_picture import render_explanation
@@ -22,7 +23,10 @@ from cliport_policy.policy import load_policy
 
 
 class Scene(NamedTuple):
-    """What is to be explained; instruction: the one that the scene came with; goal: an image of its end, if known."""
+    """Observation to explain.
+
+    instruction: the sentence recorded with it, if any. goal: an image of the finished scene, if known.
+    """
 
     observation: Heightmap
     instruction: str | None = None
@@ -30,7 +34,7 @@ class Scene(NamedTuple):
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Entry point; returns the exit status."""
+    """Run the command; return the exit status."""
     args = _parser().parse_args(argv)
     try:
         policy = load_policy(args.checkpoint)
@@ -40,7 +44,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             raise DataError("give --instruction: only a data set's row comes with one")
         explanation = policy.explain(scene.observation, instruction, scene.goal)
         save_png(args.out, render_explanation(scene.observation, instruction, explanation))
-    except (PolicyError, PerceptionError) as error:
+    except (PolicyError, CoreError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 1
     except OSError as error:
@@ -57,7 +61,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--checkpoint", default="default", help="a .safetensors file, a training folder or a name")
     source = parser.add_mutually_exclusive_group(required=True)
     source.add_argument("--data", type=Path, metavar="DIR", help="data set that cliport_benchmark generate wrote")
-    source.add_argument("--bag", type=Path, metavar="FOLDER", help="bag with /cliport/heightmap")
+    source.add_argument("--bag", type=Path, metavar="FOLDER", help=f"bag with {topics.HEIGHTMAP}")
     source.add_argument("--live", action="store_true", help="the running graph's next heightmap")
     parser.add_argument("--row", type=int, default=0, metavar="N", help="observation of --data or --bag, from 0")
     parser.add_argument("--instruction", help="default: the one of the data set's row")
@@ -78,9 +82,10 @@ def _scene(args: argparse.Namespace) -> Scene:
 
 
 def data_scene(folder: Path, row: int) -> Scene:
-    """A data set's observation by its number in the order of task, episode and step, with its own instruction.
+    """Return a data set's observation by its number in the order of task, episode and step, with its instruction.
 
-    Raises DataError where there is none.
+    Raises:
+        DataError: if there is none of that number.
     """
     data = load_demonstrations(folder)
     if not 0 <= row < len(data.frames):

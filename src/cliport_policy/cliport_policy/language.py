@@ -1,4 +1,4 @@
-"""The frozen sentence encoder: all-MiniLM-L6-v2's token embeddings, read from the package that ships its weights."""
+"""Frozen sentence encoder: all-MiniLM-L6-v2's token embeddings, read from the package that ships its weights."""
 
 from __future__ import annotations
 
@@ -24,20 +24,23 @@ _CHUNK = 128
 
 
 class TokenEmbeddings(NamedTuple):
-    """Embeddings of a batch of sentences: tokens (B, T, 384) float32, mask (B, T) bool, True where a token stands."""
+    """Embeddings of a batch of sentences.
+
+    tokens: (B, T, 384) float32. mask: (B, T) bool, True at a token, False at padding.
+    """
 
     tokens: Tensor
     mask: Tensor
 
     def sentence_vectors(self) -> Tensor:
-        """Mean-pooled, unit-length sentence vectors (B, 384), as the encoder's authors pool them."""
+        """Return mean-pooled, unit-length sentence vectors (B, 384), as the encoder's authors pool them."""
         weight = self.mask.unsqueeze(-1).to(self.tokens.dtype)
         mean = (self.tokens * weight).sum(1) / weight.sum(1)
         return torch.nn.functional.normalize(mean, dim=-1)
 
 
 class TextEncoder:
-    """Sentences to frozen token embeddings. One instance is shared by every network of a process."""
+    """Encoder of sentences as frozen token embeddings; every network of a process shares one instance."""
 
     dim = 384
 
@@ -50,17 +53,17 @@ class TextEncoder:
 
     @torch.inference_mode()
     def encode(self, sentences: Sequence[str]) -> TokenEmbeddings:
-        """Token embeddings of the sentences, padded to the longest; text beyond 48 tokens is cut."""
+        """Return token embeddings of sentences, padded to the longest; text beyond 48 tokens is cut."""
         numbers, mask = self._pieces(sentences)
         return TokenEmbeddings(self.model.states(numbers, mask), mask)
 
     def encode_one(self, sentence: str) -> TokenEmbeddings:
-        """Embeddings of one sentence, remembered: a policy asks for the same one at every step of an episode."""
+        """Return embeddings of one sentence and remember them: each step of an episode asks for the same one."""
         self._remember([sentence])
         return self._cache[sentence]
 
-    def batch(self, sentences: Sequence[str]) -> TokenEmbeddings:
-        """As encode, but each sentence is encoded once and remembered: training asks for the same ones again."""
+    def encode_cached(self, sentences: Sequence[str]) -> TokenEmbeddings:
+        """Return what `encode` does, but encode each sentence once and remember it: training asks again and again."""
         self._remember(sentences)
         rows = [self._cache[sentence].tokens[0] for sentence in sentences]
         lengths = torch.tensor([len(row) for row in rows])
@@ -81,12 +84,16 @@ class TextEncoder:
 
 @lru_cache(maxsize=1)
 def shared_encoder() -> TextEncoder:
-    """The process's one text encoder, loaded at the first call."""
+    """Return the process's one text encoder, loaded at the first call."""
     return TextEncoder()
 
 
 def model_folder() -> Path:
-    """Where the encoder's package keeps its weights and its tokenizer's files."""
+    """Return the folder in which the encoder's package keeps its weights and its tokenizer's files.
+
+    Raises:
+        PolicyError: if the package is not installed.
+    """
     spec = importlib.util.find_spec(ENCODER_PACKAGE)
     if spec is None or spec.origin is None:
         raise PolicyError(f"the sentence encoder's package {ENCODER_PACKAGE} is not installed: run `make setup` again")

@@ -1,4 +1,4 @@
-"""Memory that loading took and acting does not need, handed back to the system."""
+"""Return of memory to the system that loading took and acting does not need."""
 
 from __future__ import annotations
 
@@ -13,7 +13,10 @@ _MADV_DONTNEED = 4
 
 
 def trim_heap() -> None:
-    """Return freed heap, as that of an action's maps: an arm moves for seconds before the next one. Some ms."""
+    """Return freed heap to the system; takes some ms.
+
+    An action's maps are freed while the arm moves for seconds before the next one.
+    """
     try:
         ctypes.CDLL("libc.so.6").malloc_trim(0)
     except (OSError, AttributeError):
@@ -21,10 +24,10 @@ def trim_heap() -> None:
 
 
 def release_unused() -> None:
-    """Return freed heap, and forget the pages of shared libraries that nothing has written: what is needed again is
-    mapped again from the system's cache. Loading torch reads 100 MB of GPU libraries that a CPU never comes back to.
+    """Return freed heap, and forget pages of shared libraries that nothing has written.
 
-    Does nothing where the system is not a Linux with glibc.
+    A page that is needed again is mapped again from the system's cache. Loading torch reads 100 MB of GPU libraries
+    that a CPU never comes back to. Does nothing unless the system is a Linux with glibc.
     """
     trim_heap()
     try:
@@ -36,7 +39,7 @@ def release_unused() -> None:
 
 
 def _clean_library_pages() -> Iterator[tuple[int, int]]:
-    """Address ranges of libraries that can't be written now and hold no page of this process's own."""
+    """Yield address ranges of libraries that can't be written now and hold no page of this process's own."""
     found: tuple[int, int] | None = None
     for line in _MAPS.read_text().splitlines():
         if line[:1] in "0123456789abcdef":

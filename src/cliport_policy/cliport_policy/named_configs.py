@@ -1,4 +1,4 @@
-"""The networks by name: one YAML file each, in configs/, and what a checkpoint's card says of its network."""
+"""Networks by name, one YAML file each in configs/, and the network entry of a checkpoint's card."""
 
 from __future__ import annotations
 
@@ -13,21 +13,24 @@ from cliport_policy.errors import ConfigError
 from cliport_policy.settings import check_choice, did_you_mean
 from cliport_policy.stream_config import StreamsConfig
 
+_EXTENDS = "extends"  # a file's key that names the shipped config whose settings it changes
 FOLDER = Path(__file__).parent / "configs"
 AnyNetworkConfig = NetworkConfig | StreamsConfig
 
 
 def config_names() -> list[str]:
-    """Names of the shipped network configs."""
+    """Return the names of the shipped network configs."""
     return sorted(path.stem for path in FOLDER.glob("*.yaml"))
 
 
 def load_network_config(name_or_path: str | Path, changes: Mapping[str, Any] | None = None) -> AnyNetworkConfig:
-    """A network's config by its shipped name or from a YAML file, with settings changed by dotted name.
+    """Read a network's config by its shipped name or from a YAML file, and change settings by dotted name.
 
     `load_network_config("cliport", {"pick.language": "film", "rotator": "pick"})`: a net is given by its settings or as
     another net's name, whose settings it copies.
-    Raises ConfigError, with the nearest valid name, for an unknown name, setting or value.
+
+    Raises:
+        ConfigError: with the nearest valid name, for an unknown name, setting or value.
     """
     values = _read(name_or_path)
     for dotted, value in (changes or {}).items():
@@ -42,7 +45,11 @@ def load_network_config(name_or_path: str | Path, changes: Mapping[str, Any] | N
 
 
 def network_config_from_dict(values: Mapping[str, Any]) -> AnyNetworkConfig:
-    """The config of a mapping whose `kind` is `compact` (also where it is absent) or `streams`."""
+    """Return the config of a mapping whose `kind` is `compact` (the default) or `streams`.
+
+    Raises:
+        ConfigError: for an unknown kind, setting or value.
+    """
     rest = dict(values)
     kind = rest.pop("kind", "compact")
     check_choice(kind, ("compact", "streams"), "kind")
@@ -63,11 +70,18 @@ def _read(name_or_path: str | Path) -> dict[str, Any]:
         raise ConfigError(f"{path} is no YAML ({' '.join(str(error).split())[:120]})") from None
     if not isinstance(values, dict):
         raise ConfigError(f"{path} must hold a mapping of network settings")
+    base = values.pop(_EXTENDS, None)
+    if base is not None:
+        if base not in config_names() or base == path.stem:
+            raise ConfigError(f"{path} extends no network '{base}': {did_you_mean(str(base), config_names())}")
+        values = _read(base) | values
     # Two nets may be one mapping in the file (a YAML alias) and must not be one when a setting is changed.
     return {name: dict(value) if isinstance(value, dict) else value for name, value in values.items()}
 
 
 def _dotted(values: Mapping[str, Any]) -> list[str]:
     names = list(values)
-    names += [f"{name}.{key}" for name, inner in values.items() if isinstance(inner, dict) for key in inner]
+    for name, inner in values.items():
+        if isinstance(inner, dict):
+            names += [f"{name}.{key}" for key in inner]
     return names

@@ -15,26 +15,28 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
+from cliport_core import topics
+from cliport_core.action import ActionGoal
+from cliport_core.errors import CoreError
+from cliport_core.messages import heightmap_from_msg, stamp_from_msg, status_to_msg
+from cliport_core.policy_state import PolicyState, ServerStatus
+from cliport_core.ros_running import run_node
 from cliport_interfaces.msg import Heightmap as HeightmapMsg
 from cliport_interfaces.msg import PolicyStatus
-from cliport_perception.conversions import heightmap_from_msg, stamp_from_msg
-from cliport_perception.errors import PerceptionError
-from cliport_perception.policy_state import PolicyState
-from cliport_perception.ros_running import run_node
-from cliport_policy import conversions
 from cliport_policy.errors import PolicyError
 from cliport_policy.policy import load_policy
 from cliport_policy.server.executor_link import ExecutorLink
 from cliport_policy.server.inference_worker import InferenceAnswer, InferenceWorker
 from cliport_policy.server.logic import PolicyServer
-from cliport_policy.server.types import Answer, Moment, Proposal, ServerConfig, ServerStatus
+from cliport_policy.server.types import Answer, Moment, ServerConfig
 from cliport_policy.views import ProposalViews
+from panda_model.ros_parameters import declare_base_frame, declare_robot
 
 TICK_S = 0.05
 
 
 class PolicyServerNode(Node):
-    """Feeds a `PolicyServer` with what ROS brings, and does what it asks for (as its `ServerEffects`).
+    """The node: it feeds a `PolicyServer` with what ROS brings, and does what it asks for (as its `ServerEffects`).
 
     Raises:
         PolicyError: when the checkpoint or a parameter is unusable.
@@ -43,7 +45,7 @@ class PolicyServerNode(Node):
     def __init__(self) -> None:
         super().__init__("cliport_policy")
         checkpoint = str(self.declare_parameter("checkpoint", "default").value)
-        base_frame = str(self.declare_parameter("base_frame", "panda_link0").value)
+        base_frame = declare_base_frame(self, declare_robot(self))
         settings = {f.name: self.declare_parameter(f.name, f.default).value for f in fields(ServerConfig)}
         self._config = ServerConfig(**settings)
         self._policy = load_policy(checkpoint, compiled=bool(self.declare_parameter("compile", False).value))
@@ -54,17 +56,17 @@ class PolicyServerNode(Node):
         self._last_answer: InferenceAnswer | None = None
 
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        self._status = self.create_publisher(PolicyStatus, "/cliport/status", latched)
+        self._status = self.create_publisher(PolicyStatus, topics.STATUS, latched)
         self._views = ProposalViews(self, base_frame)
         self._executor_link = ExecutorLink(self, base_frame, self._now)
         self._server = PolicyServer(self._config, self, self._policy.check_instruction, self._executor_link)
         self._executor_link.attach(self._server)
-        self.create_subscription(String, "/cliport/instruction", self._on_instruction, 10)
-        self.create_subscription(HeightmapMsg, "/cliport/heightmap", self._on_heightmap, 2)
+        self.create_subscription(String, topics.INSTRUCTION, self._on_instruction, 10)
+        self.create_subscription(HeightmapMsg, topics.HEIGHTMAP, self._on_heightmap, 2)
         services: dict[str, Callable[[], Answer]] = {
-            "/cliport/approve": lambda: self._server.approve(self._now()),
-            "/cliport/stop": lambda: self._server.stop(self._now()),
-            "/cliport/resume": self._server.resume,
+            topics.APPROVE: lambda: self._server.approve(self._now()),
+            topics.STOP: lambda: self._server.stop(self._now()),
+            topics.RESUME: self._server.resume,
         }
         for name, act in services.items():
             self.create_service(Trigger, name, partial(_answer, act))
@@ -74,7 +76,7 @@ class PolicyServerNode(Node):
         self._server.announce()
 
     def close(self) -> None:
-        """Stop thinking."""
+        """Stop the inference thread."""
         self._worker.close()
 
     def _now(self) -> Moment:
@@ -87,34 +89,37 @@ class PolicyServerNode(Node):
         self._server.on_observation(stamp_from_msg(message.header.stamp), message, self._now())
 
     def _hand_over(self, answer: InferenceAnswer) -> None:
-        """From the worker's thread to this node's."""
+        """Pass an answer from the worker's thread to this node's."""
         self._answers.put(answer)
         self._answered.trigger()
 
     def _on_answer(self) -> None:
         while not self._answers.empty():
             answer = self._last_answer = self._answers.get()
-            if answer.action is None:
+            if answer.inference is None:
                 self._server.on_inference_failed(answer.token, answer.error)
             else:
-                self._server.on_proposal(answer.token, answer.action, self._now())
+                self._server.on_proposal(answer.token, answer.inference, self._now())
 
     def publish_status(self, status: ServerStatus) -> None:
+        """Publish a status, and log it."""
         stamp_ns = self.get_clock().now().nanoseconds
-        self._status.publish(conversions.status_to_msg(status, self._config.max_steps, stamp_ns))
+        self._status.publish(status_to_msg(status, self._config.max_steps, stamp_ns))
         line = f"{status.state.name}: {status.message}"
         if status.state == PolicyState.FAILED:
             self.get_logger().error(line)
         else:
             self.get_logger().info(line)
 
-    def publish_proposal(self, proposal: Proposal) -> None:
-        self._views.publish_poses(proposal)
-        if self._last_answer and self._last_answer.heightmap:
-            heightmap = self._last_answer.heightmap
-            self._worker.run(partial(self._views.publish_maps, heightmap, proposal))
+    def publish_proposal(self, goal: ActionGoal) -> None:
+        """Publish the poses of a goal, and later, from the worker's thread, its maps."""
+        self._views.publish_poses(goal)
+        answer = self._last_answer
+        if answer and answer.heightmap and answer.inference:
+            self._worker.run(partial(self._views.publish_maps, answer.heightmap, answer.inference))
 
     def start_inference(self, token: int, observation: HeightmapMsg, instruction: str) -> None:
+        """Start an inference in the worker's thread."""
         self._worker.start(token, partial(heightmap_from_msg, observation), instruction)
 
 
@@ -124,5 +129,5 @@ def _answer(act: Callable[[], Answer], _: Trigger.Request, response: Trigger.Res
 
 
 def main(args: list[str] | None = None) -> int:
-    """Entry point; returns the exit status."""
-    return run_node(lambda _: PolicyServerNode(), (PolicyError, PerceptionError), args, PolicyServerNode.close)
+    """Run the node; return the exit status."""
+    return run_node(lambda _: PolicyServerNode(), (PolicyError, CoreError), args, PolicyServerNode.close)

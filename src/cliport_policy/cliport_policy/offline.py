@@ -14,11 +14,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from cliport_episodes.demonstration_messages import INSTRUCTION_TOPIC, PICK_TOPIC, PLACE_TOPIC
+from cliport_core import topics
+from cliport_core.errors import CoreError
 from cliport_episodes.errors import EpisodesError
-from cliport_episodes.observation import CAMERA_TOPIC, COLOR_TOPIC, DEPTH_TOPIC
 from cliport_episodes.reader import read_episode
-from cliport_perception.errors import PerceptionError
 from cliport_policy.comparison import Comparison, RecordedStep, Span, compare
 from cliport_policy.data.episode_folders import episodes_in
 from cliport_policy.data.plain_bags import plain_steps
@@ -28,17 +27,17 @@ from cliport_policy.offline_report import REPORT_NAME, save_worst, table, write_
 from cliport_policy.policy import Policy, load_policy
 
 _TOPICS = {
-    "color_image": COLOR_TOPIC,
-    "camera_info": CAMERA_TOPIC,
-    "depth_image": DEPTH_TOPIC,
-    "instruction": INSTRUCTION_TOPIC,
-    "pick_pose": PICK_TOPIC,
-    "place_pose": PLACE_TOPIC,
+    "color_image": topics.COLOR,
+    "camera_info": topics.CAMERA_INFO,
+    "depth_image": topics.DEPTH,
+    "instruction": topics.INSTRUCTION,
+    "pick_pose": topics.PICK_POSE,
+    "place_pose": topics.PLACE_POSE,
 }
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Entry point; returns the exit status."""
+    """Run the command; return the exit status."""
     args = _parser().parse_args(argv)
     try:
         if args.worst < 0:
@@ -51,7 +50,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         seconds = time.monotonic() - started
         write_report(args.out, args.checkpoint, run.comparisons, run.finished)
         pictures = save_worst(args.out, policy, run.worst)
-    except (PolicyError, PerceptionError, EpisodesError) as error:
+    except (PolicyError, CoreError, EpisodesError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 1
     except KeyboardInterrupt:
@@ -67,7 +66,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 @dataclass
 class _Run:
-    """Goes through bags; the steps with the greatest errors are kept for their pictures."""
+    """Pass through bags that keeps the steps with the greatest errors for their pictures."""
 
     policy: Policy
     n_worst: int
@@ -79,7 +78,7 @@ class _Run:
     recorded_s: float = 0.0
 
     def add(self, bag: Path) -> None:
-        """A data set, an episode, or a plain bag."""
+        """Compare the steps of a data set, an episode, or a plain bag."""
         episodes = episodes_in(bag)
         for path in episodes:
             span = Span()
@@ -112,8 +111,7 @@ class _Run:
                 observation.stamp_ns,
                 observation.heightmap(self.policy.workspace),
                 record.instruction,
-                record.pick,
-                record.place,
+                record.action,
             )
         if episode.final is not None and episode.steps:
             span.add(episode.final.stamp_ns)
@@ -124,10 +122,10 @@ class _Run:
 
     def _done(self, observation: Any, instruction: str) -> dict[str, Any]:
         try:
-            action = self.policy.infer(observation.heightmap(self.policy.workspace), instruction)
+            inference = self.policy.infer(observation.heightmap(self.policy.workspace), instruction)
         except InstructionError as refusal:
             return {"done_probability": None, "refused": str(refusal)}
-        return {"done_probability": round(action.done_probability, 4), "refused": ""}
+        return {"done_probability": round(inference.done_probability, 4), "refused": ""}
 
 
 def _parser() -> argparse.ArgumentParser:

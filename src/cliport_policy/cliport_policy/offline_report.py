@@ -1,4 +1,4 @@
-"""What an offline run leaves: a JSON with every step, a table, and pictures of the worst."""
+"""Report of an offline run: a JSON with every step, a table, and pictures of the worst steps."""
 
 from __future__ import annotations
 
@@ -21,7 +21,11 @@ _COLUMNS = ("pick px", "mm", "deg", "place px", "mm", "turn deg", "done")
 def write_report(
     out: Path, checkpoint: str, comparisons: Sequence[Comparison], finished: Sequence[dict[str, Any]]
 ) -> None:
-    """offline.json in `out`: the same bags and weights give the same bytes. Raises DataError where it can't be."""
+    """Write offline.json into `out`; the same bags and weights give the same bytes.
+
+    Raises:
+        DataError: if it can't be written.
+    """
     report = {
         "checkpoint": checkpoint,
         "summary": summarize(comparisons),
@@ -36,7 +40,7 @@ def write_report(
 
 
 def table(comparisons: Sequence[Comparison]) -> str:
-    """A line a step, and the summary's lines under it."""
+    """Return a table with a line for each step, and the summary under it."""
     lines = [f"{'episode':<24}{'step':>5}" + "".join(f"{name:>9}" for name in _COLUMNS) + "  instruction"]
     for c in comparisons:
         head = f"{c.source[-23:]:<24}{c.step:>5}"
@@ -51,11 +55,17 @@ def table(comparisons: Sequence[Comparison]) -> str:
 
 
 def save_worst(out: Path, policy: Policy, ranked: Sequence[tuple[Comparison, RecordedStep]]) -> list[Path]:
-    """One picture each, of what the policy thinks above what was recorded. Raises DataError where they can't be."""
+    """Draw each step's explanation above what was recorded, and return the paths of the pictures.
+
+    Raises:
+        DataError: if a picture can't be written.
+    """
     paths = []
     for rank, (comparison, step) in enumerate(ranked, start=1):
         explanation = policy.explain(step.heightmap, step.instruction)
-        picture = render_explanation(step.heightmap, step.instruction, explanation, (step.pick, step.place))
+        picture = render_explanation(
+            step.heightmap, step.instruction, explanation, (step.action.pick, step.action.place)
+        )
         name = re.sub(r"[^A-Za-z0-9._-]", "_", f"worst_{rank:02d}_{comparison.source}_step_{comparison.step:03d}.png")
         try:
             save_png(out / name, picture)

@@ -12,39 +12,42 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from cliport_perception.heightmap import Heightmap
-from cliport_perception.pose import PlanarPose
-from cliport_perception.workspace import WorkspaceSpec
-from cliport_policy.action import PickPlaceAction
+from cliport_core.heightmap import Heightmap
+from cliport_core.pose import PlanarPose
+from cliport_core.workspace import WorkspaceSpec
+from cliport_policy.inference import Inference
+from panda_model import load_preset
 
 SCALE = 3  # picture pixels per heightmap pixel
 PICK_COLOR = (255, 60, 60)  # RGB
 PLACE_COLOR = (60, 255, 90)
-_HEAT_SHARE = 0.65  # of the heat in the mix where the affordance is highest
-_JAW_LENGTH = 0.04  # half the distance of the drawn fingers [m]
-_FINGER_WIDTH = 0.02  # [m]
+_HEAT_SHARE = 0.65  # share of heat in the mix at the highest affordance
+_HAND = load_preset().hand
 
 
 def render_scene(heightmap: Heightmap) -> NDArray[np.uint8]:
-    """The colours from above as (cols * SCALE, rows * SCALE, 3) RGB; unseen cells are dark grey."""
+    """Draw the colours from above as (cols * SCALE, rows * SCALE, 3) RGB; unseen cells are dark grey."""
     color = np.where(heightmap.valid[..., None], heightmap.color, np.uint8(40))
     return _enlarge(_turn(color), cv2.INTER_NEAREST)
 
 
 def render_overlay(
-    heightmap: Heightmap, affordance: NDArray[np.float32] | None, action: PickPlaceAction, kind: str
+    heightmap: Heightmap, affordance: NDArray[np.float32] | None, inference: Inference, kind: str
 ) -> NDArray[np.uint8]:
-    """The scene with one affordance map (rows, cols) as heat and the gripper at pick and place, RGB.
+    """Draw the scene with one affordance map (rows, cols) as heat and the gripper at pick and place, RGB.
 
     kind: "pick" or "place", named in the picture and drawn thick; affordance None leaves the heat out.
     """
     picture = render_scene(heightmap)
     if affordance is not None:
         picture = _add_heat(picture, affordance)
-    for name, pose, color in (("pick", action.pick, PICK_COLOR), ("place", action.place, PLACE_COLOR)):
+    for name, pose, color in (
+        ("pick", inference.action.pick, PICK_COLOR),
+        ("place", inference.action.place, PLACE_COLOR),
+    ):
         draw_gripper(picture, heightmap.workspace, pose, color, 3 if name == kind else 1)
-    confidence = action.pick_confidence if kind == "pick" else action.place_confidence
-    text = f"{kind} {confidence:.2f}   done {action.done_probability:.2f}"
+    confidence = inference.pick_confidence if kind == "pick" else inference.place_confidence
+    text = f"{kind} {confidence:.2f}   done {inference.done_probability:.2f}"
     for color, thickness in (((0, 0, 0), 4), ((255, 255, 255), 1)):
         cv2.putText(picture, text, (10, 24), cv2.FONT_HERSHEY_SIMPLEX, 0.6, color, thickness, cv2.LINE_AA)
     return picture
@@ -66,15 +69,15 @@ def draw_gripper(
         return picture_point(workspace, float(xy[0]), float(xy[1]))
 
     for side in (-1.0, 1.0):
-        finger = centre + side * _JAW_LENGTH * along
-        half = 0.5 * _FINGER_WIDTH * across
+        finger = centre + side * 0.5 * _HAND.opening * along
+        half = _HAND.finger_half_width * across
         cv2.line(picture, at(finger - half), at(finger + half), color, thickness + 1, cv2.LINE_AA)
         cv2.line(picture, at(centre), at(finger), color, thickness, cv2.LINE_AA)
     cv2.circle(picture, at(centre), 3 + thickness, color, -1, cv2.LINE_AA)
 
 
 def picture_point(workspace: WorkspaceSpec, x: float, y: float) -> tuple[int, int]:
-    """Where a position [m, base frame] is in a picture, as OpenCV's (right, down)."""
+    """Return a position [m, base frame] in a picture, as OpenCV's (right, down)."""
     right = (workspace.y_max - y) / workspace.pixel_size * SCALE
     down = (workspace.x_max - x) / workspace.pixel_size * SCALE
     return round(right), round(down)
@@ -84,7 +87,7 @@ def save_png(path: str | Path, picture: NDArray[np.uint8]) -> None:
     """Write an RGB picture.
 
     Raises:
-        OSError: when the file cannot be written.
+        OSError: if the file can't be written.
     """
     done, data = cv2.imencode(".png", cv2.cvtColor(picture, cv2.COLOR_RGB2BGR))
     if not done:
@@ -105,7 +108,7 @@ def _add_heat(picture: NDArray[np.uint8], affordance: NDArray[np.float32]) -> ND
 
 
 def _turn(cells: NDArray[np.generic]) -> NDArray[np.generic]:
-    """(rows, cols, ...) along y and x -> picture with +x up and +y to the left."""
+    """Turn (rows, cols, ...) along y and x to a picture with +x up and +y to the left."""
     return np.swapaxes(cells, 0, 1)[::-1, ::-1]
 
 

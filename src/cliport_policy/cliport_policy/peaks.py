@@ -1,4 +1,4 @@
-"""The best cell of a map of scores, as a pixel, and the disc around it that its confidence is summed over."""
+"""Best cell of a map of scores, as a pixel, and the disc around it that its confidence is summed over."""
 
 from __future__ import annotations
 
@@ -8,40 +8,47 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cliport_perception.workspace import WorkspaceSpec
+from cliport_core.workspace import WorkspaceSpec
 
 CONFIDENCE_RADIUS = 0.03  # m
 
 
 class Peak(NamedTuple):
-    """pixel: (row, col) of the full grid; near: (h, w) bool, the cells within 3 cm."""
+    """Best place of a distribution.
+
+    pixel: (row, col) of the full grid. near: (h, w) bool, the cells within 3 cm.
+    """
 
     pixel: tuple[int, int]
     near: NDArray[np.bool_]
 
     def confidence(self, mass: NDArray[np.float32]) -> float:
-        """The share of a distribution over cells, (h, w), that lies in the disc, in [0, 1]."""
+        """Return the share of a distribution over cells, (h, w), that lies in the disc, in [0, 1]."""
         return min(float(mass[self.near].sum()), 1.0)
 
 
 @dataclass(frozen=True)
 class CellGrid:
-    """The workspace's pixels in cells of cell_size x cell_size."""
+    """Workspace's pixels grouped to cells of cell_size x cell_size."""
 
     workspace: WorkspaceSpec
     cell_size: int
 
     @property
     def shape(self) -> tuple[int, int]:
+        """Rows and columns of cells."""
         rows, cols = self.workspace.shape
         return rows // self.cell_size, cols // self.cell_size
 
     def cell_of(self, pixel: tuple[int, int]) -> tuple[int, int]:
-        """The cell (row, col) that holds a pixel."""
+        """Return the cell (row, col) that holds a pixel."""
         return pixel[0] // self.cell_size, pixel[1] // self.cell_size
 
     def peak(self, mass: NDArray[np.float32]) -> Peak:
-        """Of a distribution over cells (h, w); the mean of its neighbourhood where cells are coarser than pixels."""
+        """Return the peak of a distribution over cells (h, w).
+
+        Its pixel is the mean of the best cell's neighbourhood if cells are coarser than pixels.
+        """
         row, col = (int(i) for i in np.unravel_index(mass.argmax(), mass.shape))
         cell = self.cell_size
         reach = 1 if cell > 1 else 0
@@ -58,7 +65,7 @@ class CellGrid:
         return Peak(pixel, self.disc((row, col)))
 
     def disc(self, cell: tuple[int, int]) -> NDArray[np.bool_]:
-        """(h, w), the cells within 3 cm of one."""
+        """Return the cells within 3 cm of a cell: (h, w) bool."""
         radius = CONFIDENCE_RADIUS / (self.cell_size * self.workspace.pixel_size)
         rows, cols = np.ogrid[: self.shape[0], : self.shape[1]]
         disc: NDArray[np.bool_] = (rows - cell[0]) ** 2 + (cols - cell[1]) ** 2 <= radius**2

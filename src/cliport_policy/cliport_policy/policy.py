@@ -12,12 +12,15 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn import functional as F
 
-from cliport_perception.heightmap import Heightmap
-from cliport_perception.pose import PlanarPose
-from cliport_perception.workspace import WorkspaceSpec
-from cliport_policy.action import AffordanceMaps, Explanation, PickPlaceAction
+from cliport_core import errors as core_errors
+from cliport_core.action import PickPlaceAction
+from cliport_core.heightmap import Heightmap
+from cliport_core.instruction import normalized_instruction
+from cliport_core.pose import PlanarPose
+from cliport_core.workspace import WorkspaceSpec
 from cliport_policy.checkpoint import ANCHORS, Card, load_checkpoint, resolve_checkpoint
 from cliport_policy.errors import CheckpointError, InstructionError, ObservationError
+from cliport_policy.inference import AffordanceMaps, Explanation, Inference
 from cliport_policy.language import ENCODER_NAME, TextEncoder, TokenEmbeddings, shared_encoder
 from cliport_policy.memory import release_unused
 from cliport_policy.networks.factory import compile_network, restore_network
@@ -26,12 +29,12 @@ from cliport_policy.networks.rotation import bin_angles
 from cliport_policy.observation import observation_tensor
 from cliport_policy.peaks import CellGrid, Peak
 
-MAX_INSTRUCTION_LENGTH = 1000
-
 
 class Scores(NamedTuple):
-    """A network's logits for one observation: picks (h * w + 1,), whose last is the null action's, yaws (k,) or None,
-    places (k, h, w) for a pick at pick.pixel; float32, before any temperature."""
+    """A network's logits for one observation, float32, before any temperature.
+
+    picks: (h * w + 1,), the last is the null action's; yaws: (k,) or None; places: (k, h, w) for a pick at pick.pixel.
+    """
 
     picks: Tensor
     yaws: Tensor | None
@@ -47,6 +50,7 @@ class Policy:
         self._network = network.eval().to(memory_format=torch.channels_last)  # type: ignore[call-overload]
         self._anchors = anchors  # (A, 384) unit sentence vectors of training instructions
         self._encoder = encoder
+        self._accepted: tuple[str, TokenEmbeddings] | None = None  # the last sentence that was, and what it means
         self.grid = CellGrid(card.workspace, network.cell_size)
 
     @property
@@ -59,27 +63,27 @@ class Policy:
         self._embed(instruction)
 
     def similarity(self, instruction: str) -> float:
-        """Cosine similarity, in [-1, 1], of an instruction to the nearest of those the policy was trained on."""
+        """Return the cosine similarity, in [-1, 1], of an instruction to the nearest of the training's."""
         return self._similarity(self._encoder.encode_one(instruction))
 
     def infer(
         self, observation: Heightmap, instruction: str, with_maps: bool = False, goal: Heightmap | None = None
-    ) -> PickPlaceAction:
-        """The next pick and place for an instruction, and for an image of the goal where the network reads one.
+    ) -> Inference:
+        """Return the next action for an instruction, and for an image of the goal where the network reads one.
 
-        A network without a rotator leaves the pick's yaw at 0.
+        Its primitive is the one that the policy was trained on. A network without a rotator leaves the pick's yaw at 0.
         Raises InstructionError for a text it refuses, and ObservationError for a heightmap of another workspace
         or one that shows nothing or holds NaN.
         """
-        return self._decide(self.score(observation, instruction, goal), with_maps).action
+        return self._decide(self.score(observation, instruction, goal), with_maps).inference
 
     def explain(self, observation: Heightmap, instruction: str, goal: Heightmap | None = None) -> Explanation:
-        """As infer, with what it was chosen from."""
+        """Return what `infer` does, with the distributions that it was chosen from."""
         return self._decide(self.score(observation, instruction, goal), with_maps=True)
 
     @torch.inference_mode()
     def score(self, observation: Heightmap, instruction: str, goal: Heightmap | None = None) -> Scores:
-        """What the network makes of an observation. Raises as infer."""
+        """Return the network's logits for an observation. Raises the errors of `infer`."""
         self._embed(instruction)
         image = self._tensor(observation)
         aim = self._network.encode_goal([instruction.strip()], self._goal_tensor(goal))
@@ -90,38 +94,49 @@ class Policy:
         return Scores(picks, None if yaws is None else yaws[0].float(), places[0].float(), pick)
 
     def place_peak(self, scores: Scores) -> Peak:
-        """Where the place is best, at its best rotation."""
+        """Return the best place at its best rotation."""
         mass = _mass(scores.places)
         return self.grid.peak(mass[_best_rotation(mass)])
 
     def _decide(self, scores: Scores, with_maps: bool) -> Explanation:
-        """Temperatures change how sure the policy is, not what it does."""
+        """Choose the action. Temperatures change how sure the policy is, not what it does."""
         pick, place = scores.pick, self.place_peak(scores)
         pick_mass = _mass(scores.picks[:-1], self.card.temperature("pick")).reshape(self.grid.shape)
         place_mass = _mass(scores.places, self.card.temperature("place"))
         yaws = None if scores.yaws is None else _mass(scores.yaws)
         pick_yaw = 0.0 if yaws is None else self._angle(int(yaws.argmax()))
         place_yaw = math.remainder(pick_yaw + self._angle(_best_rotation(place_mass)), 2 * math.pi)
+        pick_confidence, place_confidence = pick.confidence(pick_mass), place.confidence(place_mass.sum(0))
         action = PickPlaceAction(
-            pick=PlanarPose(*self.workspace.pixel_to_xy(*pick.pixel), pick_yaw),
-            place=PlanarPose(*self.workspace.pixel_to_xy(*place.pixel), place_yaw),
+            pick=self._pose_at(pick.pixel, pick_yaw),
+            place=self._pose_at(place.pixel, place_yaw),
+            primitive=self.card.primitive,
+            confidence=min(pick_confidence, place_confidence),
+        )
+        inference = Inference(
+            action,
             pick_pixel=pick.pixel,
             place_pixel=place.pixel,
-            pick_confidence=pick.confidence(pick_mass),
-            place_confidence=place.confidence(place_mass.sum(0)),
+            pick_confidence=pick_confidence,
+            place_confidence=place_confidence,
             done_probability=float(_mass(scores.picks)[-1]),
             maps=self._maps(pick_mass, place_mass.max(0)) if with_maps else None,
         )
-        return Explanation(action, yaws, place_mass.sum((1, 2)))
+        return Explanation(inference, yaws, place_mass.sum((1, 2)))
+
+    def _pose_at(self, pixel: tuple[int, int], yaw: float) -> PlanarPose:
+        x, y = self.workspace.pixel_to_xy(pixel[0], pixel[1])
+        return PlanarPose(x, y, yaw)
 
     def _embed(self, instruction: str) -> TokenEmbeddings:
-        text = instruction.strip()
+        try:
+            text = normalized_instruction(instruction)
+        except core_errors.InstructionError as error:
+            raise InstructionError(str(error)) from None
         if not text:
             raise InstructionError("the instruction is empty: say what to put where")
-        if len(text) > MAX_INSTRUCTION_LENGTH:
-            raise InstructionError(
-                f"the instruction has {len(text)} characters: at most {MAX_INSTRUCTION_LENGTH} are read"
-            )
+        if self._accepted is not None and self._accepted[0] == text:
+            return self._accepted[1]
         embeddings = self._encoder.encode_one(text)
         similarity = self._similarity(embeddings)
         if similarity < self.card.min_similarity:
@@ -130,6 +145,7 @@ class Policy:
                 f"the instruction '{shown}' is unlike anything this policy was trained on (similarity "
                 f"{similarity:.2f} < {self.card.min_similarity:.2f}): say it like 'put the red blocks in a green bowl'"
             )
+        self._accepted = text, embeddings
         return embeddings
 
     def _similarity(self, embeddings: TokenEmbeddings) -> float:
@@ -156,7 +172,7 @@ class Policy:
         return None if goal is None else self._tensor(goal)
 
     def _angle(self, index: int) -> float:
-        """Of a rotation bin [rad]."""
+        """Return the angle of a rotation bin [rad]."""
         return float(bin_angles(self.card.network.n_rotations)[index])
 
     def _maps(self, pick: NDArray[np.float32], place: NDArray[np.float32]) -> AffordanceMaps:
@@ -170,18 +186,18 @@ class Policy:
 
 
 def _mass(logits: Tensor, temperature: float = 1.0) -> NDArray[np.float32]:
-    """The softmax over all of a tensor, in its shape."""
+    """Return the softmax over all of a tensor, in its shape."""
     mass: NDArray[np.float32] = F.softmax((logits / temperature).flatten(), dim=0).reshape(logits.shape).numpy()
     return mass
 
 
 def _best_rotation(mass: NDArray[np.float32]) -> int:
-    """Of a distribution (k, h, w): that of its likeliest cell."""
+    """Return the rotation of the likeliest cell of a distribution (k, h, w)."""
     return int(np.unravel_index(mass.argmax(), mass.shape)[0])
 
 
 def load_policy(path_or_name: str | Path = "default", precision: str = "auto", compiled: bool = False) -> Policy:
-    """A policy from a .safetensors file, a training folder, a shipped name or `default`.
+    """Load a policy from a .safetensors file, a training folder, a shipped name or `default`.
 
     precision: as restore_network takes it. compiled: by torch.compile, which takes half a minute of the first action.
     Raises CheckpointError where the file is missing, damaged or made for another encoder, and EncoderError where a

@@ -1,6 +1,6 @@
 """`ros2 run cliport_policy reliability`: how far a checkpoint's own doubts can be trusted, on data it has not seen.
 
-For the done head: how many finished scenes are called finished, and unfinished ones not, at each threshold. For the
+The done head: how many finished scenes are called finished, and unfinished ones not, at each threshold. The
 confidences: what is gained by acting only above a threshold, as the server's `min_confidence` does.
 """
 
@@ -16,11 +16,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from cliport_policy.action import PickPlaceAction
 from cliport_policy.calibration import expected_calibration_error
 from cliport_policy.checkpoint import resolve_checkpoint, write_json
 from cliport_policy.data.demonstrations import Demonstration, DemonstrationSet, Index, load_demonstrations
 from cliport_policy.errors import ConfigError, DataError, InstructionError, PolicyError
+from cliport_policy.inference import Inference
 from cliport_policy.peaks import CellGrid
 from cliport_policy.policy import Policy, load_policy
 from cliport_policy.reliability_plot import plot_reliability
@@ -30,12 +30,14 @@ THRESHOLDS = (0.1, 0.3, 0.5, 0.7, 0.9)
 
 @dataclass(frozen=True, eq=False)
 class Reliability:
-    """What was seen, one entry for each observation.
+    """Answers of a policy, one entry for each observation.
 
-    finished, unfinished: the null action's probability there. confidence: the lesser one of pick and place where
-    something was to be done, as the server takes it; right: whether both lie within 3 cm of the expert's,
-    which is a lower bound: where several objects would do, another one than the expert's counts as wrong.
-    refused: of how many more the policy refused the sentence; they are in no share.
+    finished, unfinished: the null action's probability in scenes of either kind.
+    confidence: the lesser one of pick and place in unfinished scenes, as the server takes it.
+    right: True if both lie within 3 cm of the expert's, which is a lower bound: if several objects would do, another
+    one
+    than the expert's counts as wrong.
+    refused: number of further observations whose sentence the policy refused; they are in no share.
     """
 
     finished: NDArray[np.float64]
@@ -45,16 +47,16 @@ class Reliability:
     refused: int = 0
 
     def done_right(self, threshold: float) -> tuple[float, float]:
-        """Shares of finished scenes called finished, and of unfinished ones not; NaN where there are none."""
+        """Return the shares of finished scenes called finished, and of unfinished ones not; NaN if there are none."""
         return _share(self.finished > threshold), _share(self.unfinished <= threshold)
 
     def acted(self, threshold: float) -> tuple[float, float]:
-        """Shares of the observations that are acted on, and of the right ones among these; NaN where there are none."""
+        """Return the share of observations acted on, and the share of right ones among these; NaN if there are none."""
         sure = self.confidence >= threshold
         return _share(sure), _share(self.right[sure])
 
     def to_dict(self) -> dict[str, object]:
-        """The shares, with the number of observations behind them."""
+        """Return the shares, with the number of observations behind them, ready for JSON."""
         return {
             "finished": len(self.finished),
             "unfinished": len(self.unfinished),
@@ -66,7 +68,7 @@ class Reliability:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Entry point; returns the exit status."""
+    """Run the command; return the exit status."""
     args = _parser().parse_args(argv)
     try:
         if args.count < 1:
@@ -106,10 +108,12 @@ def _parser() -> argparse.ArgumentParser:
 def measure(
     policy: Policy, data: DemonstrationSet, count: int, tell: Callable[[int, int], None] = lambda done, total: None
 ) -> Reliability:
-    """Of each of up to `count` episodes the finished scene, where there is one, and one unfinished, drawn at random.
+    """Ask a policy about one finished and one unfinished scene of each of up to `count` episodes, drawn at random.
 
-    Raises DataError where the data set has another workspace, or nothing unfinished in it whose sentence the policy
-    takes.
+    tell: called with the numbers of scenes done and in all.
+
+    Raises:
+        DataError: if the data set has another workspace, or no unfinished scene whose sentence the policy takes.
     """
     if data.workspace != policy.workspace:
         raise DataError(
@@ -126,14 +130,14 @@ def measure(
         frame, demo = data.frames[index.frame], data.demo(index)
         goal = None if index.frame not in goals else data.observation(data.frames[goals[index.frame]])
         try:
-            action = policy.infer(data.observation(frame), demo.instruction, goal=goal)
+            inference = policy.infer(data.observation(frame), demo.instruction, goal=goal)
         except InstructionError as refusal:
             refusals.append(str(refusal))
         else:
-            done[demo.done].append(action.done_probability)
+            done[demo.done].append(inference.done_probability)
             if not demo.done:
-                confidence.append(action.confidence)
-                right.append(_is_right(policy.grid, action, demo))
+                confidence.append(inference.confidence)
+                right.append(_is_right(policy.grid, inference, demo))
         tell(number + 1, len(finished) + len(unfinished))
     if not right:
         raise DataError(f"the policy refuses every sentence of {data.folder}, as in: {refusals[-1]}")
@@ -142,39 +146,41 @@ def measure(
     )
 
 
-def _is_right(grid: CellGrid, action: PickPlaceAction, expert: Demonstration) -> bool:
-    ends = ((action.pick_pixel, expert.pick_pixel), (action.place_pixel, expert.place_pixel))
+def _is_right(grid: CellGrid, inference: Inference, expert: Demonstration) -> bool:
+    ends = ((inference.pick_pixel, expert.pick_pixel), (inference.place_pixel, expert.place_pixel))
     return all(grid.disc(grid.cell_of(theirs))[grid.cell_of(ours)] for ours, theirs in ends)
 
 
 def _draw(data: DemonstrationSet, count: int) -> tuple[list[Index], list[Index]]:
-    """Indices of finished and unfinished scenes of the first episodes, one of each kind for every episode."""
+    """Return indices of finished and unfinished scenes of the first episodes, one of each kind for every episode."""
     rng = np.random.default_rng(0)
     by_episode: dict[tuple[str, int], dict[bool, list[Index]]] = defaultdict(lambda: {True: [], False: []})
     for index in data.samples():
         frame = data.frames[index.frame]
         by_episode[frame.task, frame.episode][data.demo(index).done].append(index)
-    kinds = list(by_episode.values())[:count]
-    finished, unfinished = ([k[done][rng.integers(len(k[done]))] for k in kinds if k[done]] for done in (True, False))
-    return finished, unfinished
+    drawn: dict[bool, list[Index]] = {True: [], False: []}
+    for done, chosen in drawn.items():
+        for scenes in list(by_episode.values())[:count]:
+            if scenes[done]:
+                chosen.append(scenes[done][rng.integers(len(scenes[done]))])
+    return drawn[True], drawn[False]
 
 
 def table(found: Reliability) -> str:
-    """For a terminal."""
+    """Return a table for a terminal."""
 
     def row(threshold: float, shares: tuple[float, float]) -> str:
         return f"{threshold:14.1f} {_percent(shares[0]):>21} {_percent(shares[1]):>26}"
 
-    return "\n".join(
-        [
-            f"{len(found.finished)} finished and {len(found.unfinished)} unfinished scenes",
-            f"{found.refused} more refused for their sentence",
-            f"{'done threshold':>14} {'finished called so':>21} {'unfinished not called so':>26}",
-            *(row(t, found.done_right(t)) for t in THRESHOLDS),
-            f"{'min_confidence':>14} {'acted on':>21} {'of these right':>26}",
-            *(row(t, found.acted(t)) for t in (0.0, *THRESHOLDS)),
-        ]
-    )
+    lines = [
+        f"{len(found.finished)} finished and {len(found.unfinished)} unfinished scenes",
+        f"{found.refused} more refused for their sentence",
+        f"{'done threshold':>14} {'finished called so':>21} {'unfinished not called so':>26}",
+    ]
+    lines += [row(t, found.done_right(t)) for t in THRESHOLDS]
+    lines.append(f"{'min_confidence':>14} {'acted on':>21} {'of these right':>26}")
+    lines += [row(t, found.acted(t)) for t in (0.0, *THRESHOLDS)]
+    return "\n".join(lines)
 
 
 def _number(share: float) -> float | None:

@@ -1,4 +1,4 @@
-"""The picture of `reliability`: what the done head says of finished and unfinished scenes, and sure against right."""
+"""Picture of `reliability`: the done head on finished and unfinished scenes, and confidence against correctness."""
 
 from __future__ import annotations
 
@@ -17,7 +17,11 @@ def plot_reliability(
     right: NDArray[np.bool_],
     path: Path,
 ) -> None:
-    """Arguments as in `Reliability`. Raises OSError when the file can't be written."""
+    """Draw the arrays of a `Reliability` into a file.
+
+    Raises:
+        OSError: if the file can't be written.
+    """
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(9, 3.6), layout="constrained")

@@ -11,7 +11,7 @@ from cliport_policy.errors import ConfigError
 
 
 def did_you_mean(name: object, valid: Iterable[str]) -> str:
-    """`did you mean 'x'? Known are a, b, x`, or without the question where nothing is near."""
+    """Return `did you mean 'x'? Known are a, b, x`, or without the question if nothing is near."""
     names = sorted(valid)
     near = get_close_matches(str(name), names, 1, cutoff=0.5)
     known = f"known are {', '.join(names)}"
@@ -19,7 +19,7 @@ def did_you_mean(name: object, valid: Iterable[str]) -> str:
 
 
 def check_keys(values: Mapping[str, Any], valid: Iterable[str], where: str) -> None:
-    """Raise ConfigError where a key is not one of the valid ones."""
+    """Raise ConfigError if a key is not one of the valid ones."""
     valid = list(valid)
     for key in values:
         if key not in valid:
@@ -27,14 +27,14 @@ def check_keys(values: Mapping[str, Any], valid: Iterable[str], where: str) -> N
 
 
 def check_choice(value: object, valid: Iterable[str], where: str) -> None:
-    """Raise ConfigError where a value is not one of the valid names."""
+    """Raise ConfigError if a value is not one of the valid names."""
     valid = list(valid)
     if value not in valid:
         raise ConfigError(f"{where} can't be '{value}': {did_you_mean(value, valid)}")
 
 
 def check_types(config: Any, where: str) -> None:
-    """Raise ConfigError where a plain field (bool, int, float, str) of a dataclass holds another type."""
+    """Raise ConfigError if a plain field (bool, int, float, str) of a dataclass holds another type."""
     kinds: dict[str, tuple[type, ...]] = {"bool": (bool,), "int": (int,), "float": (int, float), "str": (str,)}
     for field in fields(config):
         value, kind = getattr(config, field.name), str(field.type)

@@ -1,4 +1,4 @@
-"""What a network of streams is made of, as checked values: the paper's network, its baselines and ablations."""
+"""Composition of a network of streams as checked values: the paper's network, its baselines and ablations."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ ENCODERS = ("none", "clip_rn50", "resnet50_distilbert", "efficientnet_minilm", "
 
 @dataclass(frozen=True)
 class NetConfig:
-    """One net: image in, map out, made of a spatial and a semantic stream (seed, sections C and F).
+    """One net: image in, map out, made of a spatial and a semantic stream (paper, appendices C and F).
 
     spatial: `plain` is the 43-layer hourglass, `lateral` the deeper one of CLIPort itself.
-    semantic: whether there is a frozen encoder with a decoder. skips: encoder features reach the decoder.
-    norm: `group` normalises after the six wide convolutions of the decoder with skips (spec, section 14, row 20).
-    laterals: the spatial decoder's features flow into the semantic one.
-    language: how the sentence enters: the semantic decoder, or the spatial stream where it stands alone.
-    fusion: how the two streams' maps are joined: their sum, or concatenated through a 1x1 convolution.
+    semantic: True adds a frozen encoder with a decoder. skips: True hands encoder features to the decoder.
+    norm: `group` normalises after the six wide convolutions of the decoder with skips (docs/paper.md, "Layers").
+    laterals: True adds the spatial decoder's features to the semantic one.
+    language: fusion of the sentence with the semantic decoder, or with a spatial stream that stands alone.
+    fusion: joining of the two streams' maps: their sum, or concatenated through a 1x1 convolution.
     goal_image: `multiply` takes the product of the observation and the goal image for input.
     """
 
@@ -64,6 +64,11 @@ class NetConfig:
 
     @classmethod
     def from_dict(cls, values: Any, where: str) -> NetConfig:
+        """Read the settings of the net called `where`.
+
+        Raises:
+            ConfigError: naming the net, if a name or a value can't be.
+        """
         if not isinstance(values, dict):
             raise ConfigError(f"{where} must hold a net's settings, not {values!r}")
         check_keys(values, (f.name for f in fields(cls)), where)
@@ -75,11 +80,12 @@ class NetConfig:
 
 @dataclass(frozen=True)
 class StreamsConfig:
-    """A policy of up to five nets that share nothing but the frozen encoders (seed, sections C, D and F).
+    """Policy of up to five nets that share nothing but the frozen encoders (paper, appendices C, D and F).
 
     pick: the locator. rotator: None leaves the gripper's yaw at 0, as in the paper's simulation.
     query, key: the two nets that are correlated. place_goal: a net on the goal image whose features are added
-    to those of query and key. encoder: the frozen encoders; fallback_encoder: what is used where their files are not.
+    to those of query and key. encoder: the frozen encoders; fallback_encoder: their substitute if their files are
+    missing.
     width: scales the streams' channels; 1 is the paper's. crop_pixels: side of the rotator's and the query's crops.
     color_mean .. height_std: the spatial stream's normalisation, colour in 0..1 and height in m. They are those of this
     project's simulator; the paper's, of its own, are 0.18877631, 0.07276466, 0.00509261 and 0.00903967.
@@ -123,28 +129,37 @@ class StreamsConfig:
 
     @property
     def nets(self) -> dict[str, NetConfig]:
-        """The nets there are, by name."""
+        """Nets of the policy, by name."""
         named = {name: getattr(self, name) for name in NETS}
         return {name: net for name, net in named.items() if net is not None}
 
     @property
     def reads_language(self) -> bool:
+        """True if a net reads the sentence."""
         return any(net.language != "none" for net in self.nets.values())
 
     @property
     def needs_goal_image(self) -> bool:
+        """True if a net reads an image of the finished scene."""
         return self.place_goal is not None or any(net.goal_image != "none" for net in self.nets.values())
 
     def with_encoder(self, encoder: str) -> StreamsConfig:
-        """The same policy on other encoders, without a fallback: what a checkpoint's card says."""
+        """Return the same policy on other encoders, without a fallback, as a checkpoint's card records it."""
         return replace(self, encoder=encoder, fallback_encoder="none")
 
     def to_dict(self) -> dict[str, Any]:
+        """Return plain values, ready for JSON."""
         return {"kind": "streams", **asdict(self)}
 
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> StreamsConfig:
-        """A net may be given as another's name, `rotator: pick` has the settings of `pick`, or as `none`."""
+        """Read a mapping of settings.
+
+        A net may be given as another's name, `rotator: pick` has the settings of `pick`, or as `none`.
+
+        Raises:
+            ConfigError: if a name or a value can't be.
+        """
         check_keys(values, (f.name for f in fields(cls)), "network")
         known = dict(values)
         for name in NETS:

@@ -9,7 +9,6 @@ from __future__ import annotations
 import logging
 import shlex
 import signal
-import subprocess
 import sys
 import time
 from collections.abc import Callable, Sequence
@@ -18,6 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
+from cliport_core.source_state import source_state
 from cliport_policy.data.demonstrations import load_demonstrations
 from cliport_policy.data.mixture import Mixture, Source, check_same_workspace
 from cliport_policy.errors import InstructionError, PolicyError, TrainingError
@@ -36,6 +36,7 @@ N_AGREEMENT = 300  # demonstrations that agreement is measured on
 
 
 def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command; return the exit status."""
     logging.basicConfig(level=logging.INFO, format="%(message)s", stream=sys.stderr)
     try:
         options = parse_options(argv)
@@ -61,7 +62,8 @@ def _train(options: TrainOptions, group: Group, argv: Sequence[str] | None) -> N
     if options.initial is not None:
         options.initial.check_workspace(sources[0].data.workspace)
     words = sys.argv[1:] if argv is None else argv
-    made_by = {"command": shlex.join(["ros2", "run", "cliport_policy", "train", *words]), "commit": _commit()}
+    command = shlex.join(["ros2", "run", "cliport_policy", "train", *words])
+    made_by = {"command": command, "config": options.config_name, **source_state().to_dict()}
     trainer = Trainer(
         sources, options.out, options.network, options.train, shared_encoder(), made_by, group, options.initial
     )
@@ -86,7 +88,7 @@ def _source(folder: Path, weight: float, options: TrainOptions, cache_bytes: int
 
 
 def _run_and_show(trainer: Trainer, options: TrainOptions, stopped: list[int], shown: Mixture) -> None:
-    """With a progress line, TensorBoard's files in OUT/events, and what is learned from in OUT/samples.png."""
+    """Train with a progress line, TensorBoard's files in OUT/events, and a sheet of samples in OUT/samples.png."""
     line, events = ProgressLine(sys.stderr), EventLog(options.out / "events", trainer.step)
     _show_samples(trainer, options.out / "samples.png", events)
     sample = next((shown[i] for i in range(len(shown)) if not shown[i].demo.done), shown[0])
@@ -98,7 +100,7 @@ def _run_and_show(trainer: Trainer, options: TrainOptions, stopped: list[int], s
     def picture() -> None:
         try:
             events.picture("affordance", affordance_picture(trainer.policy(), sample), trainer.step)
-        except InstructionError as error:  # of a --val that speaks of other things than --data
+        except InstructionError as error:  # the sentences of --val may be unlike those of --data
             logger.warning("no picture: %s", error)
 
     try:
@@ -127,20 +129,11 @@ def _run(
 
 
 def _stop_on_signals() -> list[int]:
-    """A list that SIGINT or SIGTERM puts an entry in: training saves and ends after the step at hand."""
+    """Return a list that SIGINT or SIGTERM appends to: training then saves and ends after the current step."""
     received: list[int] = []
     for name in (signal.SIGINT, signal.SIGTERM):
         signal.signal(name, lambda number, _frame: received.append(number))
     return received
-
-
-def _commit() -> str:
-    try:
-        here = Path(__file__).resolve().parent
-        run = subprocess.run(["git", "rev-parse", "HEAD"], cwd=here, capture_output=True, text=True, timeout=5)
-        return run.stdout.strip() or "unknown"
-    except (OSError, subprocess.SubprocessError):
-        return "unknown"
 
 
 if __name__ == "__main__":

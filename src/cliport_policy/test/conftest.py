@@ -2,8 +2,9 @@
 
 import json
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -12,6 +13,10 @@ import pyarrow.parquet as pq
 import pytest
 import torch
 
+from cliport_core.action import PickPlaceAction, Primitive
+from cliport_core.outcome import ActionResult, Outcome
+from cliport_core.pose import PlanarPose, Pose
+from cliport_core.workspace import WorkspaceSpec
 from cliport_episodes.capture_setup import CaptureSetup
 from cliport_episodes.data_set import DataSet
 from cliport_episodes.demonstration import Source, StepRecord
@@ -20,9 +25,6 @@ from cliport_episodes.observation_messages import messages_from_observation
 from cliport_episodes.raw import RawMessage
 from cliport_episodes.writer import EpisodeWriter
 from cliport_perception.camera_model import CameraModel
-from cliport_perception.pose import PlanarPose, Pose
-from cliport_perception.primitive import Primitive
-from cliport_perception.workspace import WorkspaceSpec
 from cliport_policy.checkpoint import ANCHORS, Card, save_checkpoint
 from cliport_policy.encoders.clip_modules import ClipResNet, ClipText
 from cliport_policy.language import ENCODER_NAME, shared_encoder
@@ -48,11 +50,13 @@ def write_flat_set(
     sentence: str = SENTENCE,
     pixel_size: float = 0.0025,
     finish: bool = True,
+    primitives: Sequence[str] = (),
 ) -> Path:
     """A red block and a blue bowl, drawn as squares.
 
     actions: of each episode, whose last observation is then of the finished scene, if it is to `finish`; 0: one
-    observation an episode, every third of them a finished one.
+    observation an episode, every third of them a finished one. primitives: of the episodes, over and over again;
+    empty: the column is not there, as in sets of the first version.
     """
     folder.mkdir(parents=True)
     rng = np.random.default_rng(seed)
@@ -61,6 +65,8 @@ def write_flat_set(
         for step in range(actions + finish if actions else 1):
             done = step == actions if actions else episode % 3 == 2
             rows.append(_flat_row(episode, step, done, task, sentence, WorkspaceSpec(pixel_size=pixel_size), rng))
+            if primitives:
+                rows[-1]["demos"][0]["primitive"] = primitives[episode % len(primitives)]
     pq.write_table(pa.Table.from_pylist(rows), folder / "part-00000.parquet")
     workspace = WorkspaceSpec(pixel_size=pixel_size).to_dict()
     (folder / "meta.json").write_text(json.dumps({"version": 1, "workspace": workspace}))
@@ -75,7 +81,7 @@ def _flat_row(
     sentence: str,
     workspace: WorkspaceSpec,
     rng: np.random.Generator,
-) -> dict[str, object]:
+) -> dict[str, Any]:
     scale = 0.0025 / workspace.pixel_size
     color = np.full((*workspace.shape, 3), 200, np.uint8)
     height = np.zeros(workspace.shape, np.float32)
@@ -209,13 +215,13 @@ TINY_COMPACT = {"widths": (8, 12), "goal_dim": 16, "crop_pixels": 16, "query_cel
 def tiny_checkpoint(clip_models: Path, tmp_path: Path) -> Callable[..., Path]:
     """Saves a small untrained policy of a named config for a workspace of 64 x 32 pixels."""
 
-    def make(name: str, **changes: object) -> Path:
+    def make(name: str, primitive: Primitive = Primitive.PICK_PLACE, **changes: object) -> Path:
         torch.manual_seed(0)
         small = TINY_COMPACT if name == "compact" else TINY
         network = build_network(load_network_config(name, {**small, **changes}))
         workspace = WorkspaceSpec(pixel_size=0.0125)
         anchors = shared_encoder().encode_one(SENTENCE).sentence_vectors()
-        card = Card(network.config, workspace, ENCODER_NAME, 0.45, frozen=network.encoder_identity)
+        card = Card(network.config, workspace, ENCODER_NAME, 0.45, frozen=network.encoder_identity, primitive=primitive)
         path = tmp_path / f"{name}.safetensors"
         save_checkpoint(path, {**network.state_dict(), ANCHORS: anchors}, card)
         return path
@@ -253,6 +259,7 @@ def write_episode(
     outcomes: tuple[int, ...] = (0, 0),
     seed: int = 0,
     setup: CaptureSetup = SETUP,
+    primitive: Primitive = Primitive.PICK_PLACE,
 ) -> list[StepRecord]:
     """An episode of flat squares, a step an outcome; the records of its steps. A data set of it is made if needed."""
     DataSet.open_or_create(data_set, setup)
@@ -263,12 +270,13 @@ def write_episode(
         pick = PlanarPose(rng.uniform(0.33, 0.57), rng.uniform(-0.3, -0.1), rng.uniform(-1.5, 1.5))
         place = PlanarPose(rng.uniform(0.33, 0.57), rng.uniform(0.1, 0.3), pick.yaw + 0.5)
         record = StepRecord(
-            *(step, stamp_ns, setup.base_frame, SENTENCE, Primitive.PICK_PLACE, Source.CLICKED, None, None, 0, 0, 36),
-            *(pick, place, True, outcome, "", None, 0.04),
+            *(step, stamp_ns, setup.base_frame, SENTENCE, Source.CLICKED, None, None, 0, 0, 36),
+            action=PickPlaceAction(pick, place, primitive),
+            result=ActionResult(Outcome(outcome), "", None, 0.04),
         )
         writer.add_step(camera_messages(pick, place, stamp_ns), record)
         records.append(record)
-    writer.finish(camera_messages(records[-1].place, records[-1].place, stamp_ns + 8 * 10**9), success)
+    writer.finish(camera_messages(place, place, stamp_ns + 8 * 10**9), success)
     return records
 
 

@@ -4,21 +4,23 @@ from __future__ import annotations
 
 from typing import Any
 
-from cliport_perception.policy_state import PolicyState
-from cliport_perception.pose import PlanarPose
-from cliport_perception.primitive import Outcome
-from cliport_policy.action import PickPlaceAction
+from cliport_core.action import ActionGoal, PickPlaceAction, Primitive
+from cliport_core.outcome import ActionResult, Outcome
+from cliport_core.policy_state import PolicyState, ServerStatus
+from cliport_core.pose import PlanarPose
 from cliport_policy.errors import InstructionError
+from cliport_policy.inference import Inference
 from cliport_policy.server.logic import PolicyServer
-from cliport_policy.server.types import Moment, Proposal, ServerConfig, ServerStatus
+from cliport_policy.server.types import Moment, ServerConfig
 
 S = 1_000_000_000
 GOAL = "put the red blocks in the green bowl"
 
 
-def action(done: float = 0.0, confidence: float = 0.9) -> PickPlaceAction:
+def inference(done: float = 0.0, confidence: float = 0.9, primitive: Primitive = Primitive.PICK_PLACE) -> Inference:
     pose = PlanarPose(0.4, 0.1, 0.3)
-    return PickPlaceAction(pose, pose, (200, 60), (200, 60), confidence, confidence, done)
+    action = PickPlaceAction(pose, pose, primitive, confidence)
+    return Inference(action, (200, 60), (200, 60), confidence, confidence, done)
 
 
 class World:
@@ -28,9 +30,9 @@ class World:
         self.now = Moment(100.0, 5000 * S)
         self.ready = True
         self.statuses: list[ServerStatus] = []
-        self.proposals: list[Proposal] = []
+        self.proposals: list[ActionGoal] = []
         self.inferences: list[tuple[int, Any, str]] = []
-        self.goals: list[tuple[int, Proposal, str]] = []
+        self.goals: list[tuple[int, ActionGoal]] = []
         self.cancelled: list[int] = []
         self.stops = self.resumes = 0
         self.server = PolicyServer(ServerConfig(**settings), self, self.check_instruction, self)
@@ -40,8 +42,8 @@ class World:
     def publish_status(self, status: ServerStatus) -> None:
         self.statuses.append(status)
 
-    def publish_proposal(self, proposal: Proposal) -> None:
-        self.proposals.append(proposal)
+    def publish_proposal(self, goal: ActionGoal) -> None:
+        self.proposals.append(goal)
 
     def start_inference(self, token: int, observation: Any, instruction: str) -> None:
         self.inferences.append((token, observation, instruction))
@@ -55,8 +57,8 @@ class World:
     def is_ready(self) -> bool:
         return self.ready
 
-    def send(self, token: int, proposal: Proposal, instruction: str) -> None:
-        self.goals.append((token, proposal, instruction))
+    def send(self, token: int, goal: ActionGoal) -> None:
+        self.goals.append((token, goal))
 
     def cancel(self, token: int) -> None:
         self.cancelled.append(token)
@@ -91,14 +93,14 @@ class World:
         self.wait(wait_s)
         self.server.on_observation(self.now.ros_ns - int(age_s * S), f"view {self.now.wall:.2f}", self.now)
 
-    def think(self, **answer: float) -> None:
-        self.server.on_proposal(self.inferences[-1][0], action(**answer), self.now)
+    def think(self, **answer: Any) -> None:
+        self.server.on_proposal(self.inferences[-1][0], inference(**answer), self.now)
 
     def accept(self) -> None:
         self.server.on_goal_response(self.goals[-1][0], True, self.now)
 
     def end(self, outcome: Outcome = Outcome.SUCCEEDED, message: str = "") -> None:
-        self.server.on_result(self.goals[-1][0], outcome, message, self.now)
+        self.server.on_result(self.goals[-1][0], ActionResult(outcome, message), self.now)
 
     def act(self, outcome: Outcome = Outcome.SUCCEEDED, message: str = "") -> None:
         """One whole step: see, think, move."""

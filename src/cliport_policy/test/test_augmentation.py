@@ -1,10 +1,14 @@
 """An augmentation moves the picture and its labels alike."""
 
 import math
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from cliport_policy.config import TrainConfig
 from cliport_policy.data.augmentation import (
     draw_transform,
     identity_transform,
@@ -13,6 +17,9 @@ from cliport_policy.data.augmentation import (
     names_direction,
     warp,
 )
+from cliport_policy.data.batches import Phrasebook, make_sample
+from cliport_policy.data.demonstrations import load_demonstrations
+from cliport_policy.data.mixture import Drawn
 
 
 def test_a_marked_pixel_goes_where_its_label_goes() -> None:
@@ -40,6 +47,31 @@ def test_yaw_turns_with_the_picture() -> None:
         0,
         abs_tol=1e-9,
     )
+
+
+def test_all_labels_of_a_sample_turn_with_its_picture(make_flat_set: Callable[..., Path], tmp_path: Path) -> None:
+    data = load_demonstrations(make_flat_set(tmp_path / "data", 1))
+    demo = replace(data.frames[0].demos[0], pick_yaw=0.7, place_yaw=-0.4)
+    drawn, book = Drawn(data, data.frames[0], demo, None), Phrasebook([demo.instruction], 0, np.random.default_rng(0))
+    still = TrainConfig(jitter=False, augment_probability=0.0)
+    plain = make_sample(drawn, book, None, still, np.random.default_rng(0))
+    assert (plain.pick, plain.place, plain.pick_yaw) == (demo.pick_pixel, demo.place_pixel, 0.7)
+    assert plain.rotation == pytest.approx(-1.1) and plain.pick_yaw_period == demo.pick_yaw_period
+    for seed in range(8):
+        moving = replace(still, augment_probability=1.0)
+        sample = make_sample(drawn, book, None, moving, np.random.default_rng(seed))
+        for before, after in ((plain.pick, sample.pick), (plain.place, sample.place)):
+            there = sample.image[round(after[0]), round(after[1])]
+            assert there == pytest.approx(plain.image[round(before[0]), round(before[1])], abs=0.02)
+        turned = _direction(sample.pick, sample.place) - _direction(plain.pick, plain.place)
+        assert abs(math.remainder(turned, 2 * math.pi)) > 0.02
+        assert math.remainder(sample.pick_yaw - 0.7 - turned, 2 * math.pi) == pytest.approx(0, abs=1e-6)
+        assert (sample.rotation, sample.pick_yaw_period) == (plain.rotation, plain.pick_yaw_period)
+
+
+def _direction(a: tuple[float, float], b: tuple[float, float]) -> float:
+    """The yaw in which b lies from a: from columns towards rows [rad]."""
+    return math.atan2(b[0] - a[0], b[1] - a[1])
 
 
 def test_pixels_are_kept_inside() -> None:

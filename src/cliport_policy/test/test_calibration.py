@@ -10,7 +10,7 @@ import torch
 
 from cliport_policy import load_policy
 from cliport_policy.calibrate import main
-from cliport_policy.calibration import Judged, expected_calibration_error, fit_temperature
+from cliport_policy.calibration import JudgedAnswer, expected_calibration_error, fit_temperature
 from cliport_policy.checkpoint import load_checkpoint
 from cliport_policy.errors import CheckpointError, DataError
 
@@ -18,7 +18,7 @@ pytestmark = pytest.mark.usefixtures("one_thread")
 SENTENCE = "put the red blocks in a blue bowl"
 
 
-def _answers(true_temperature: float, n: int = 400) -> Iterator[Judged]:
+def _answers(true_temperature: float, n: int = 400) -> Iterator[JudgedAnswer]:
     """Of a policy that should divide its logits by true_temperature: labels are drawn from what that gives."""
     generator = torch.Generator().manual_seed(0)
     for _ in range(n):
@@ -27,7 +27,7 @@ def _answers(true_temperature: float, n: int = 400) -> Iterator[Judged]:
         label = int(torch.multinomial(mass, 1, generator=generator))
         best = int(logits.flatten().softmax(0).reshape(logits.shape).sum(0).argmax())
         cells = torch.arange(20)
-        yield Judged(logits, cells == label, cells == best, best == label)
+        yield JudgedAnswer(logits, cells == label, cells == best, best == label)
 
 
 @pytest.mark.parametrize("true_temperature", [0.5, 1.0, 2.5])
@@ -62,7 +62,8 @@ def test_the_card_is_written_and_changes_confidences_only(
     plain = load_policy(path).infer(observation, SENTENCE)
     path.with_suffix(".json").write_text(json.dumps(card | {"temperatures": {"pick": 0.5, "place": 3.0}}))
     warm = load_policy(path).infer(observation, SENTENCE)
-    assert (warm.pick, warm.place, warm.done_probability) == (plain.pick, plain.place, plain.done_probability)
+    assert (warm.action.pick, warm.action.place) == (plain.action.pick, plain.action.place)
+    assert warm.done_probability == plain.done_probability and warm.action.confidence == warm.confidence
     assert warm.pick_confidence > plain.pick_confidence and warm.place_confidence < plain.place_confidence
     path.with_suffix(".json").write_text(json.dumps(card | {"temperatures": {"pick": 0.0}}))
     with pytest.raises(CheckpointError, match="temperature must be positive"):

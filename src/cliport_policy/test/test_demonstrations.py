@@ -8,7 +8,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from cliport_perception.heightmap import Heightmap
+from cliport_core.heightmap import Heightmap
 from cliport_policy.data.demonstrations import load_demonstrations
 from cliport_policy.errors import DataError
 
@@ -45,6 +45,18 @@ def test_goals_of_an_episode(task: str, goals: list[int], make_flat_set: MakeSet
     found = data.goal_frames()
     assert [data.frames[found[i]].step for i in range(6)] == 2 * goals
     assert all(data.frames[goal].episode == data.frames[i].episode for i, goal in found.items())
+
+
+@pytest.mark.parametrize(("stepwise", "goals"), [(True, [1, 2, 2]), (False, [2, 2, 2])])
+def test_a_data_set_says_itself_whether_a_sentence_is_a_step(
+    stepwise: bool, goals: list[int], make_flat_set: MakeSet, tmp_path: Path
+) -> None:
+    folder = make_flat_set(tmp_path / "set", 1, actions=2, task="my-task", pixel_size=SMALL)
+    meta = json.loads((folder / "meta.json").read_text())
+    (folder / "meta.json").write_text(json.dumps(meta | {"stepwise": stepwise}))
+    data = load_demonstrations(folder)
+    found = data.goal_frames()
+    assert [data.frames[found[i]].step for i in range(3)] == goals
 
 
 def test_an_unfinished_episode_has_no_goals(make_flat_set: MakeSet, tmp_path: Path) -> None:

@@ -13,11 +13,11 @@ from cliport_policy.encoders import bert, efficientnet, resnet50
 from cliport_policy.encoders.bert_modules import load_bert
 from cliport_policy.encoders.clip_rn50 import MEAN, STD, load_clip
 from cliport_policy.encoders.frozen import FrozenEncoders, Vision, fold_norms
-from cliport_policy.encoders.registry import encoders_of
+from cliport_policy.encoders.registry import shared_encoders
 from cliport_policy.errors import EncoderError
 from cliport_policy.language import MAX_TOKENS, model_folder, shared_encoder
 from cliport_policy.named_configs import load_network_config
-from cliport_policy.networks.streams import StreamsNetwork
+from cliport_policy.networks.streams.network import StreamsNetwork
 from cliport_policy.stream_config import StreamsConfig
 
 pytestmark = pytest.mark.usefixtures("one_thread")
@@ -38,8 +38,8 @@ def test_archive_and_plain_state_dict_are_the_same(
     a, b = load_clip("clip_rn50", clip_folder / "RN50.pt"), load_clip("clip_rn50", plain)
     assert a.identity == b.identity and a.shape == b.shape
     color = torch.rand(1, 3, 64, 64)
-    assert all(torch.equal(x, y) for x, y in zip(a.see(color), b.see(color), strict=True))
-    assert torch.equal(a.read(SENTENCES), b.read(SENTENCES))
+    assert all(torch.equal(x, y) for x, y in zip(a.encode_images(color), b.encode_images(color), strict=True))
+    assert torch.equal(a.encode_sentences(SENTENCES), b.encode_sentences(SENTENCES))
 
 
 def test_clip_is_the_one_that_open_clip_builds(clip_folder: Path) -> None:
@@ -52,11 +52,11 @@ def test_clip_is_the_one_that_open_clip_builds(clip_folder: Path) -> None:
     color = torch.rand(2, 3, 64, 96)
     with torch.no_grad():
         x = theirs.visual.stem((color - torch.tensor(MEAN)[:, None, None]) / torch.tensor(STD)[:, None, None])
-        for tap, stage in zip(ours.see(color), ("layer1", "layer2", "layer3", "layer4"), strict=True):
+        for tap, stage in zip(ours.encode_images(color), ("layer1", "layer2", "layer3", "layer4"), strict=True):
             x = getattr(theirs.visual, stage)(x)
             assert (tap - x).abs().max() < 1e-4 * x.abs().max()
         text = theirs.encode_text(tokenize(SENTENCES))
-    assert torch.allclose(ours.read(SENTENCES), text, atol=1e-4 * float(text.abs().max()))
+    assert torch.allclose(ours.encode_sentences(SENTENCES), text, atol=1e-4 * float(text.abs().max()))
 
 
 def test_a_wrong_clip_file_is_one_line(clip_models: Path, small_clip: dict[str, Tensor], tmp_path: Path) -> None:
@@ -87,12 +87,12 @@ def test_a_missing_file_says_what_to_put_where(
 ) -> None:
     monkeypatch.setenv("CLIPORT_MODELS", str(tmp_path))
     with pytest.raises(EncoderError, match=f"{file} is missing: put .* there, or set CLIPORT_MODELS"):
-        encoders_of(_config(encoder))
+        shared_encoders(_config(encoder))
 
 
 def test_one_instance_that_no_network_owns(clip_models: Path) -> None:
-    encoders = encoders_of(_config("clip_rn50"))
-    assert encoders is not None and encoders_of(_config("clip_rn50")) is encoders
+    encoders = shared_encoders(_config("clip_rn50"))
+    assert encoders is not None and shared_encoders(_config("clip_rn50")) is encoders
     network = StreamsNetwork(_config("clip_rn50"), encoders)
     frozen = {id(p) for module in encoders.modules for p in module.parameters()}
     assert frozen and not frozen & {id(p) for p in network.parameters()}
@@ -113,8 +113,8 @@ def test_a_sentence_is_encoded_once_and_serves_training() -> None:
 
     encoders = FrozenEncoders("fake", None, Vision([nn.Conv2d(3, 3, 1)], MEAN, STD), nn.Linear(1, 1), read)  # type: ignore[arg-type]
     with torch.inference_mode():
-        encoders.read(["a", "b", "a"])
-    vector = encoders.read(["b", "c"])
+        encoders.encode_sentences(["a", "b", "a"])
+    vector = encoders.encode_sentences(["b", "c"])
     assert asked == [["a", "b"], ["c"]]
     nn.Linear(4, 1)(vector).sum().backward()
 
@@ -141,9 +141,9 @@ def test_folded_norms_are_the_same() -> None:
 
 
 def test_minilm_reads_sentences_apart() -> None:
-    reader = bert.minilm()
-    together, alone = reader.read(SENTENCES), reader.read(SENTENCES[:1])
-    assert together.shape == (2, reader.dim)
+    encoder = bert.minilm()
+    together, alone = encoder.encode(SENTENCES), encoder.encode(SENTENCES[:1])
+    assert together.shape == (2, encoder.dim)
     assert torch.allclose(together[:1], alone, atol=1e-4)  # padding does not count
     assert not torch.allclose(together[0], together[1], atol=0.1)
 
@@ -194,12 +194,12 @@ def test_resnet50_and_distilbert_from_the_users_files(tmp_path: Path, monkeypatc
     DistilBertModel(DistilBertConfig(dim=48, n_layers=1, n_heads=2, hidden_dim=64)).save_pretrained(folder)
     shutil.copy(model_folder() / "vocab.txt", folder)
     monkeypatch.setenv("CLIPORT_MODELS", str(tmp_path))
-    encoders = encoders_of(_config("resnet50_distilbert"))
+    encoders = shared_encoders(_config("resnet50_distilbert"))
     assert encoders is not None and encoders.shape == ((256, 512, 1024, 2048), 48, 1024)
-    assert [tap.shape[1] for tap in encoders.see(torch.rand(1, 3, 32, 32))] == [256, 512, 1024, 2048]
-    vectors = encoders.read(SENTENCES)
+    assert [tap.shape[1] for tap in encoders.encode_images(torch.rand(1, 3, 32, 32))] == [256, 512, 1024, 2048]
+    vectors = encoders.encode_sentences(SENTENCES)
     shutil.copy(model_folder() / "tokenizer.json", folder)
-    assert vectors.shape == (2, 48) and torch.allclose(vectors, bert.distilbert(folder).read(SENTENCES), atol=1e-5)
+    assert vectors.shape == (2, 48) and torch.allclose(vectors, bert.distilbert(folder).encode(SENTENCES), atol=1e-5)
     torch.save({"a": torch.zeros(1)}, tmp_path / "resnet50.pth")
     with pytest.raises(EncoderError, match=r"resnet50\.pth is no state dict of torchvision's resnet50"):
         resnet50.load_resnet50(tmp_path / "resnet50.pth")

@@ -7,12 +7,13 @@ import cv2
 import numpy as np
 import pytest
 
-from cliport_perception.heightmap import Heightmap
-from cliport_perception.pose import PlanarPose
-from cliport_perception.workspace import WorkspaceSpec
-from cliport_policy.action import Explanation, PickPlaceAction
+from cliport_core.action import PickPlaceAction
+from cliport_core.heightmap import Heightmap
+from cliport_core.pose import PlanarPose
+from cliport_core.workspace import WorkspaceSpec
 from cliport_policy.explain import main
 from cliport_policy.explain_picture import DETAIL, TITLE, render_crop, render_explanation, render_rotations
+from cliport_policy.inference import Explanation, Inference
 from cliport_policy.overlays import PICK_COLOR, SCALE
 
 pytestmark = pytest.mark.usefixtures("one_thread")
@@ -86,8 +87,8 @@ def test_the_best_rotation_stands_out_where_it_points() -> None:
 
 def test_a_network_without_maps_or_rotator_is_pictured() -> None:
     pose = PlanarPose(0.4, 0.0, 0.0)
-    action = PickPlaceAction(pose, pose, (10, 10), (20, 20), 0.5, 0.5, 0.1)
-    picture = render_explanation(_heightmap(), "pick", Explanation(action, None, np.full(8, 0.125, np.float32)))
+    inference = Inference(PickPlaceAction(pose, pose), (10, 10), (20, 20), 0.5, 0.5, 0.1)
+    picture = render_explanation(_heightmap(), "pick", Explanation(inference, None, np.full(8, 0.125, np.float32)))
     assert picture.shape == (HEIGHT, 3 * DETAIL, 3)
 
 
@@ -103,9 +104,9 @@ def test_live_and_bag(
     from ros_domain import next_domain
     from rosbags.rosbag2 import Writer
 
+    from cliport_core.messages import heightmap_to_msg
+    from cliport_core.topics import HEIGHTMAP as TOPIC
     from cliport_interfaces.msg import Heightmap as HeightmapMsg
-    from cliport_perception.conversions import heightmap_to_msg
-    from cliport_policy.ros_heightmaps import TOPIC
 
     checkpoint, out = str(tiny_checkpoint("compact")), tmp_path / "out.png"
     base = ["--checkpoint", checkpoint, "--out", str(out), "--instruction", "put the red blocks in a blue bowl"]

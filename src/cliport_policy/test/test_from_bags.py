@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 import yaml
 
+from cliport_core.action import Primitive
+from cliport_core.pose import Pose
 from cliport_episodes.capture_setup import CaptureSetup
 from cliport_episodes.demonstration import StepRecord
-from cliport_perception.pose import Pose
 from cliport_policy.data.demonstrations import load_demonstrations
 from cliport_policy.data.mixture import Mixture, Source
 from cliport_policy.dataset import main
@@ -28,12 +29,15 @@ def test_labels_are_where_the_arm_went(make_episode: MakeEpisode, tmp_path: Path
     assert [frame.step for frame in data.frames] == [0, 1, 2]
     for frame, record in zip(data.frames, records, strict=False):
         demo, seen = frame.demos[0], data.observation(frame)
-        for pixel, pose in ((demo.pick_pixel, record.pick), (demo.place_pixel, record.place)):
+        for pixel, pose in ((demo.pick_pixel, record.action.pick), (demo.place_pixel, record.action.place)):
             x, y = data.workspace.pixel_to_xy(*pixel)
             assert max(abs(x - pose.x), abs(y - pose.y)) <= data.workspace.pixel_size / 2 + 1e-9
         red, blue = seen.color[demo.pick_pixel], seen.color[demo.place_pixel]
         assert int(red[0]) - int(red[2]) > 100 and int(blue[2]) - int(blue[0]) > 50
-        assert (demo.pick_yaw, demo.place_yaw) == pytest.approx((record.pick.yaw, record.place.yaw), abs=1e-5)
+        assert (demo.pick_yaw, demo.place_yaw) == pytest.approx(
+            (record.action.pick.yaw, record.action.place.yaw), abs=1e-5
+        )
+        assert demo.primitive is Primitive.PICK_PLACE
         assert demo.pick_yaw_period == pytest.approx(math.pi) and demo.instruction == record.instruction
     finished = data.frames[-1]
     assert finished.demos[0].done and finished.demos[0].instruction == records[-1].instruction

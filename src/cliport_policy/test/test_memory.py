@@ -8,7 +8,7 @@ import pytest
 ACT = """
 import sys
 import numpy as np
-from cliport_perception.heightmap import Heightmap
+from cliport_core.heightmap import Heightmap
 from cliport_policy import load_policy
 policy = load_policy("default")
 size = policy.workspace.shape

@@ -6,12 +6,12 @@ from typing import Any
 import pytest
 
 from cliport_policy.config import NetworkConfig
-from cliport_policy.encoders.registry import on_hand
+from cliport_policy.encoders.registry import with_available_encoder
 from cliport_policy.errors import ConfigError
 from cliport_policy.named_configs import config_names, load_network_config, network_config_from_dict
 from cliport_policy.stream_config import StreamsConfig
 
-NAMES = [
+BASES = [
     "clip_only",
     "cliport",
     "cliport_wo_lang",
@@ -25,6 +25,8 @@ NAMES = [
     "untrained_sem",
     "wo_skips",
 ]
+PAPERS = [name for name in BASES if not name.startswith("compact")]  # each once more with a rotator
+NAMES = sorted([*BASES, *(f"{name}_rotator" for name in PAPERS)])
 
 
 def test_the_named_networks_are_there() -> None:
@@ -44,11 +46,12 @@ def test_compact_is_the_default_network() -> None:
 def test_what_the_names_promise() -> None:
     configs = {name: load_network_config(name) for name in NAMES if not name.startswith("compact")}
     reading = {name for name, config in configs.items() if isinstance(config, StreamsConfig) and config.reads_language}
-    assert reading == {"clip_only", "cliport", "language_transporter", "rn50_bert", "untrained_sem"}
+    names = {"clip_only", "cliport", "language_transporter", "rn50_bert", "untrained_sem"}
+    assert reading == names | {f"{name}_rotator" for name in names}
     goal_driven = {
         name for name, config in configs.items() if isinstance(config, StreamsConfig) and config.needs_goal_image
     }
-    assert goal_driven == {"image_goal"}
+    assert goal_driven == {"image_goal", "image_goal_rotator"}
 
 
 @pytest.mark.parametrize(
@@ -116,19 +119,30 @@ def test_rn50_bert_falls_back_on_what_packages_bring(tmp_path: Path, monkeypatch
     monkeypatch.setenv("CLIPORT_MODELS", str(tmp_path))
     config = load_network_config("rn50_bert")
     assert isinstance(config, StreamsConfig)
-    assert on_hand(config).encoder == "efficientnet_minilm"
+    assert with_available_encoder(config).encoder == "efficientnet_minilm"
     (tmp_path / "resnet50.pth").touch()
     (tmp_path / "distilbert-base-uncased").mkdir()
-    assert on_hand(config).encoder == "resnet50_distilbert"
+    assert with_available_encoder(config).encoder == "resnet50_distilbert"
+
+
+@pytest.mark.parametrize("name", PAPERS)
+def test_a_network_for_a_parallel_hand_is_the_papers_with_a_rotator(name: str) -> None:
+    config = load_network_config(f"{name}_rotator")
+    assert isinstance(config, StreamsConfig) and config.rotator == config.pick
+    assert config == load_network_config(name, {"rotator": "pick"})
+    assert load_network_config(f"{name}_rotator", {"rotator": "none"}) == load_network_config(name)
+
+
+def test_a_file_extends_a_shipped_config(tmp_path: Path) -> None:
+    path = tmp_path / "mine.yaml"
+    path.write_text("extends: transporter\nwidth: 0.5\n")
+    assert load_network_config(path) == load_network_config("transporter", {"width": 0.5})
+    path.write_text("extends: transportre\n")
+    with pytest.raises(ConfigError, match="did you mean 'transporter'"):
+        load_network_config(path)
 
 
 def test_a_net_is_given_by_another_ones_name() -> None:
-    for name in NAMES:
-        if not name.startswith("compact"):
-            config = load_network_config(name, {"rotator": "pick"})
-            assert isinstance(config, StreamsConfig) and config.rotator == config.pick
-            without = load_network_config(name, {"rotator": "none"})
-            assert without == load_network_config(name)
     for wrong, message in (("pik", "did you mean 'pick'"), ("place_goal", "rotator can't be 'place_goal'")):
         with pytest.raises(ConfigError, match=message):
             load_network_config("cliport", {"rotator": wrong})

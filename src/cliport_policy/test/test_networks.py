@@ -8,9 +8,10 @@ import torch
 
 from cliport_policy.config import NetworkConfig
 from cliport_policy.errors import ConfigError
-from cliport_policy.networks.compact import CompactNetwork
+from cliport_policy.named_configs import load_network_config
+from cliport_policy.networks.compact.network import CompactNetwork
 from cliport_policy.networks.correlation import correlate_centered
-from cliport_policy.networks.rotation import are_half_turned, bin_angles, rotated_windows
+from cliport_policy.networks.rotation import are_opposite_pairs, bin_angles, rotated_windows
 
 SMALL = NetworkConfig(widths=(8, 12), goal_dim=16, crop_pixels=16, query_cells=9)
 
@@ -48,8 +49,8 @@ def test_correlation_and_its_gradients_agree_with_a_direct_sum(half_turns: bool)
 
 
 def test_opposite_rotations_are_known() -> None:
-    assert are_half_turned(bin_angles(36).expand(3, -1)) and are_half_turned(-bin_angles(4))
-    assert not are_half_turned(bin_angles(5)) and not are_half_turned(bin_angles(36)[[0, 18, 3, 20]])
+    assert are_opposite_pairs(bin_angles(36).expand(3, -1)) and are_opposite_pairs(-bin_angles(4))
+    assert not are_opposite_pairs(bin_angles(5)) and not are_opposite_pairs(bin_angles(36)[[0, 18, 3, 20]])
 
 
 def test_all_rotations_at_once_are_each_alone() -> None:
@@ -105,18 +106,25 @@ def test_unknown_setting_is_named() -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "feels_words", "feels_heights"),
-    [({}, True, True), ({"language": False}, False, True), ({"heights": False}, True, False)],
-    ids=["whole", "without language", "without heights"],
+    ("change", "feels_words", "feels_heights", "feels_mask"),
+    [
+        ({}, True, True, True),
+        ({"language": False}, False, True, True),
+        ({"heights": False}, True, False, True),
+        ({"heights": False, "mask": False}, True, False, False),
+    ],
+    ids=["whole", "without language", "without heights", "without depth"],
 )
 def test_an_ablation_is_blind_to_what_was_taken_from_it(
-    change: dict[str, bool], feels_words: bool, feels_heights: bool
+    change: dict[str, bool], feels_words: bool, feels_heights: bool, feels_mask: bool
 ) -> None:
     torch.manual_seed(0)
     network = CompactNetwork(replace(SMALL, **change)).eval()
     images, pick = torch.randn(1, 5, 32, 16), torch.tensor([[10.0, 8.0]])
     flat = images.clone()
     flat[:, 3] += torch.rand(32, 16)
+    torn = images.clone()
+    torn[:, 4] += torch.rand(32, 16)
 
     def scores(sentence: str, image: torch.Tensor) -> list[torch.Tensor]:
         with torch.no_grad():
@@ -130,3 +138,11 @@ def test_an_ablation_is_blind_to_what_was_taken_from_it(
     other_heights = scores("put the red block in the green bowl", flat)
     assert [torch.equal(a, b) for a, b in zip(before, other_words, strict=True)] == [not feels_words] * 3
     assert [torch.equal(a, b) for a, b in zip(before, other_heights, strict=True)] == [not feels_heights] * 3
+    other_mask = scores("put the red block in the green bowl", torn)
+    assert [torch.equal(a, b) for a, b in zip(before, other_mask, strict=True)] == [not feels_mask] * 3
+
+
+def test_the_ablation_without_height_gets_nothing_of_the_depth_and_old_cards_keep_their_mask() -> None:
+    shipped = load_network_config("compact_wo_height")
+    assert isinstance(shipped, NetworkConfig) and not shipped.heights and not shipped.mask
+    assert NetworkConfig.from_dict({"heights": False}).mask

@@ -10,14 +10,14 @@ import cv2
 import pytest
 from rosbags.rosbag2 import StoragePlugin, Writer
 
+from cliport_core.action import PickPlaceAction
+from cliport_core.pose import PlanarPose
+from cliport_core.workspace import WorkspaceSpec
 from cliport_episodes.bags import read_messages
 from cliport_episodes.data_set import DataSet
 from cliport_episodes.demonstration import StepRecord
 from cliport_episodes.message_types import definition_and_hash
-from cliport_perception.pose import PlanarPose
-from cliport_perception.workspace import WorkspaceSpec
-from cliport_policy.action import PickPlaceAction
-from cliport_policy.comparison import errors_of
+from cliport_policy.comparison import action_errors
 from cliport_policy.offline import main
 
 MakeEpisode = Callable[..., list[StepRecord]]
@@ -26,21 +26,13 @@ DEMONSTRATION = "/cliport/demonstration"
 pytestmark = pytest.mark.usefixtures("one_thread")
 
 
-def action(pick: PlanarPose, place: PlanarPose) -> PickPlaceAction:
-    return PickPlaceAction(pick, place, (0, 0), (0, 0), 1.0, 1.0, 0.0)
-
-
 @pytest.mark.parametrize(
     ("predicted", "recorded", "degrees"), [(0.1, 0.1 + math.pi, 0.0), (-1.5, 1.5, 8.1), (math.pi, 0.5, 28.6)]
 )
 def test_jaws_turned_by_half_a_turn_are_the_same(predicted: float, recorded: float, degrees: float) -> None:
     pick, place = PlanarPose(0.4, 0.0, recorded), PlanarPose(0.5, 0.1, recorded)
-    found = errors_of(
-        action(PlanarPose(0.403, 0.004, predicted), PlanarPose(0.5, 0.1, predicted + math.pi / 2)),
-        pick,
-        place,
-        WorkspaceSpec(),
-    )
+    action = PickPlaceAction(PlanarPose(0.403, 0.004, predicted), PlanarPose(0.5, 0.1, predicted + math.pi / 2))
+    found = action_errors(action, PickPlaceAction(pick, place), WorkspaceSpec())
     assert found.pick_deg == pytest.approx(degrees, abs=0.1)
     assert (found.pick_mm, found.pick_px) == (5.0, 2.0) and found.place_mm == 0.0
     assert found.turn_deg == 90.0 and found.worst_mm == 5.0
@@ -60,8 +52,8 @@ def test_every_step_is_compared_and_the_worst_are_pictured(
     report = json.loads(reports[0])
     assert [(step["source"], step["step"]) for step in report["steps"]] == [("one", 0), ("one", 1), ("two", 0)]
     for step, record in zip(report["steps"], records, strict=True):
-        assert step["recorded_pick"][:2] == pytest.approx((record.pick.x, record.pick.y), abs=1e-4)
-        far = 1000 * math.dist(step["predicted_pick"][:2], (record.pick.x, record.pick.y))
+        assert step["recorded_pick"][:2] == pytest.approx((record.action.pick.x, record.action.pick.y), abs=1e-4)
+        far = 1000 * math.dist(step["predicted_pick"][:2], (record.action.pick.x, record.action.pick.y))
         assert step["errors"]["pick_mm"] == pytest.approx(far, abs=0.2)
         assert step["errors"]["pick_px"] == pytest.approx(far / 12.5, abs=0.02)
     assert [scene["success"] for scene in report["finished_scenes"]] == [True, True]

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from cliport_perception.heightmap import Heightmap
-from cliport_perception.workspace import WorkspaceSpec
+from cliport_core.heightmap import Heightmap
+from cliport_core.workspace import WorkspaceSpec
 from cliport_policy.config import TrainConfig
 from cliport_policy.data.batches import Phrasebook, make_sample
 from cliport_policy.data.demonstrations import Demonstration, load_demonstrations
@@ -97,7 +97,7 @@ def test_what_a_thing_hides_goes_with_it() -> None:
 
 def test_what_leaves_the_picture_stays() -> None:
     scene = _scene((BAR, RED), (PAD, BLUE), ((slice(200, 220), slice(140, 160)), GREEN))
-    assert [thing.loose for thing in find_things(scene)].count(False) == 1
+    assert [thing.movable for thing in find_things(scene)].count(False) == 1
     for seed in range(5):
         moved, _ = rearranged(scene, DEMO, np.random.default_rng(seed))
         assert (_is(moved, GREEN) == _is(scene, GREEN)).all()

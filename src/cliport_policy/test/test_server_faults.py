@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from server_world import S, World
 
-from cliport_perception.policy_state import PolicyState
+from cliport_core.policy_state import PolicyState
 from cliport_policy.errors import ConfigError
 from cliport_policy.server.types import Moment, ServerConfig
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 from server_world import GOAL, S, World
 
-from cliport_perception.policy_state import PolicyState
-from cliport_perception.primitive import Outcome
+from cliport_core.outcome import Outcome
+from cliport_core.policy_state import PolicyState
 from cliport_policy.errors import ConfigError
 from cliport_policy.server.types import ServerConfig
 
@@ -33,7 +33,7 @@ def test_a_goal_is_reached_step_by_step() -> None:
     world.think(done=0.9)
     assert (world.state, world.message) == (PolicyState.DONE, "the goal looks reached after 3 steps")
     assert len(world.goals) == len(world.proposals) == 3
-    assert {goal[2] for goal in world.goals} == {GOAL}
+    assert {goal.instruction for _, goal in world.goals} == {GOAL}
     states = [status.state for status in world.statuses]
     cycle = [PolicyState.OBSERVING, PolicyState.PROPOSING, PolicyState.EXECUTING]
     assert states == [PolicyState.IDLE, *cycle * 3, *cycle[:2], PolicyState.DONE]

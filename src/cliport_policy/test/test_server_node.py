@@ -23,18 +23,18 @@ from sensor_msgs.msg import Image
 from std_msgs.msg import Empty, String
 from std_srvs.srv import Trigger
 
+from cliport_core.action import PickPlaceAction, Primitive
+from cliport_core.heightmap import Heightmap
+from cliport_core.messages import depth_from_msg, heightmap_to_msg, planar_pose_from_msg
+from cliport_core.pose import PlanarPose
+from cliport_core.ros_action_server import ThreadedActionServer
+from cliport_core.workspace import WorkspaceSpec
 from cliport_interfaces.action import PickPlace
 from cliport_interfaces.msg import Heightmap as HeightmapMsg
 from cliport_interfaces.msg import PolicyStatus
-from cliport_perception.conversions import depth_from_msg, heightmap_to_msg
-from cliport_perception.heightmap import Heightmap
-from cliport_perception.pose import PlanarPose
-from cliport_perception.ros_action_server import ThreadedActionServer
-from cliport_perception.workspace import WorkspaceSpec
-from cliport_policy import conversions
 from cliport_policy import node as node_module
-from cliport_policy.action import AffordanceMaps, PickPlaceAction
 from cliport_policy.errors import CheckpointError, InstructionError
+from cliport_policy.inference import AffordanceMaps, Inference
 
 WORKSPACE = WorkspaceSpec()
 PICK, PLACE = PlanarPose(0.4, 0.1, 0.3), PlanarPose(0.5, -0.2, 1.0)
@@ -45,15 +45,15 @@ class FakePolicy:
 
     workspace = WORKSPACE
 
-    def __init__(self, steps: int = 2) -> None:
-        self.left = steps
+    def __init__(self, steps: int = 2, primitive: Primitive = Primitive.PICK_PLACE) -> None:
+        self.left, self.primitive = steps, primitive
         self.error: Exception | None = None
 
     def check_instruction(self, text: str) -> None:
         if "block" not in text:
             raise InstructionError("the instruction is not understood")
 
-    def infer(self, observation: Heightmap, instruction: str, with_maps: bool = False) -> PickPlaceAction:
+    def infer(self, observation: Heightmap, instruction: str, with_maps: bool = False) -> Inference:
         if not observation.stamp_ns:  # the warm-up
             raise InstructionError("not yet")
         if self.error:
@@ -62,7 +62,8 @@ class FakePolicy:
         done = 1.0 if self.left == 0 else 0.0
         self.left = max(0, self.left - 1)
         maps = AffordanceMaps(cells, cells)
-        return PickPlaceAction(PICK, PLACE, (200, 60), (80, 100), 0.9, 0.8, done, maps)
+        action = PickPlaceAction(PICK, PLACE, self.primitive, 0.8)
+        return Inference(action, (200, 60), (80, 100), 0.9, 0.8, done, maps)
 
 
 class Graph:
@@ -180,13 +181,13 @@ class Graph:
 def graph(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., Graph]]:
     made: list[Graph] = []
 
-    def make(steps: int = 2, **parameters: object) -> Graph:
+    def make(steps: int = 2, primitive: Primitive = Primitive.PICK_PLACE, **parameters: object) -> Graph:
         arguments = [v for k, value in parameters.items() for v in ("-p", f"{k}:={value}")]
         rclpy.init(
             args=["--ros-args", *arguments] if arguments else None,
             domain_id=next_domain(),
         )
-        made.append(Graph(FakePolicy(steps), monkeypatch))
+        made.append(Graph(FakePolicy(steps, primitive), monkeypatch))
         return made[-1]
 
     yield make
@@ -203,12 +204,23 @@ def test_an_instruction_becomes_goals_until_it_is_done(graph: Callable[..., Grap
     assert len(world.goals) == 2
     goal = world.goals[0]
     assert (goal.header.frame_id, goal.instruction) == ("panda_link0", "put the red blocks in the green bowl")
-    assert conversions.planar_pose_from_msg(goal.place).yaw == pytest.approx(PLACE.yaw)
+    assert planar_pose_from_msg(goal.place).yaw == pytest.approx(PLACE.yaw)
     assert world.until(lambda: len(world.images) == 4)
     assert world.images["pick"].encoding == "rgb8"
     assert depth_from_msg(world.images["place/raw"]).shape == WORKSPACE.shape
     assert world.poses[-1].pose.position.x == pytest.approx(PICK.x)
     assert any("GO_ABOVE_PICK" in status.message for status in world.statuses)
+
+
+@pytest.mark.parametrize("primitive", list(Primitive))
+def test_what_the_policy_chose_is_what_is_asked_for(graph: Callable[..., Graph], primitive: Primitive) -> None:
+    world = graph(steps=1, primitive=primitive, require_approval=True)
+    world.say("put the red blocks in the green bowl")
+    assert world.reaches(PolicyStatus.STATE_WAITING_FOR_APPROVAL)
+    assert world.statuses[-1].primitive == primitive
+    assert world.call("approve").success
+    assert world.reaches(PolicyStatus.STATE_DONE)
+    assert [goal.primitive for goal in world.goals] == [primitive]
 
 
 def test_stop_cancels_latches_and_is_passed_on(graph: Callable[..., Graph]) -> None:

@@ -1,20 +1,23 @@
 """Training end to end on tiny sets: it learns something, stops, resumes, and what it saves can be used."""
 
 import json
+import multiprocessing
+import os
 import resource
 import signal
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
+from safetensors.torch import load_file
 
-from cliport_perception.heightmap import Heightmap
-from cliport_perception.workspace import WorkspaceSpec
+from cliport_core.heightmap import Heightmap
+from cliport_core.workspace import WorkspaceSpec
 from cliport_policy import load_policy
-from cliport_policy.checkpoint import load_checkpoint
+from cliport_policy.checkpoint import ANCHORS, load_checkpoint
 from cliport_policy.config import PAPER, NetworkConfig, TrainConfig
 from cliport_policy.data.demonstrations import load_demonstrations
 from cliport_policy.data.mixture import Mixture, Source
@@ -70,11 +73,12 @@ def test_train_and_use(flat_set: Path, tmp_path: Path) -> None:
     assert load_checkpoint(out / "checkpoints" / kept[0])[1].made_by["steps_done"] == 2
 
     policy = load_policy(out)
-    action = policy.infer(_observation(), SENTENCE, with_maps=True)
-    assert 0 <= action.done_probability <= 1 and 0 <= action.pick_confidence <= 1
+    inference = policy.infer(_observation(), SENTENCE, with_maps=True)
+    action = inference.action
+    assert 0 <= inference.done_probability <= 1 and 0 <= inference.pick_confidence <= 1
     assert policy.workspace.contains_xy(action.pick.x, action.pick.y)
-    assert action.maps is not None and action.maps.pick.shape == policy.workspace.shape
-    assert float(action.maps.place.sum()) == pytest.approx(1, abs=1e-3)
+    assert inference.maps is not None and inference.maps.pick.shape == policy.workspace.shape
+    assert float(inference.maps.place.sum()) == pytest.approx(1, abs=1e-3)
     card = json.loads((out / "policy.json").read_text())
     assert card["made_by"]["steps_done"] == CONFIG.steps
 
@@ -140,31 +144,41 @@ def test_it_learns(make_flat_set: Callable[..., Path], tmp_path: Path) -> None:
     assert last < 0.7 * first
 
 
-@pytest.fixture
-def small_files() -> Iterator[None]:
-    """Files can't grow beyond 20 kB, as if the disk were full."""
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    old = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, before[1]))
-    yield
-    resource.setrlimit(resource.RLIMIT_FSIZE, before)
-    signal.signal(signal.SIGXFSZ, old)
-
-
-def test_a_full_disk_keeps_the_last_good_checkpoint(
-    flat_set: Path, tmp_path: Path, request: pytest.FixtureRequest
-) -> None:
+def test_a_full_disk_keeps_the_last_good_checkpoint(flat_set: Path, tmp_path: Path) -> None:
     out = tmp_path / "run"
     first = _trainer(flat_set, out)
     first.run(_silent, should_stop=lambda: first.step >= 2)
     files = {path.name: path.read_bytes() for path in out.iterdir()}
     again = _trainer(flat_set, out)
-    request.getfixturevalue("small_files")
-    with pytest.raises(CheckpointError, match=r"can't write .*policy\.safetensors") as caught:
-        again.run(_silent)
-    assert "\n" not in str(caught.value)
+    again.step += 1
+
+    def save() -> None:
+        """Runs in a process of its own, whose files can't grow beyond 20 kB: pytest's may."""
+        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))
+        with pytest.raises(CheckpointError, match=r"can't write .*policy\.safetensors") as caught:
+            again.save()
+        os._exit(7 if "\n" not in str(caught.value) else 1)
+
+    child = multiprocessing.get_context("fork").Process(target=save)
+    child.start()
+    child.join()
+    assert child.exitcode == 7
     assert {path.name: path.read_bytes() for path in out.iterdir()} == files
     assert load_policy(out).card.made_by["steps_done"] == 2
+
+
+def test_what_is_saved_are_the_averaged_weights(make_flat_set: Callable[..., Path], tmp_path: Path) -> None:
+    data = make_flat_set(tmp_path / "data", 3, pixel_size=SMALL)
+    config = replace(CONFIG, steps=3, ema_decay=0.5)
+    trainer = _trainer(data, tmp_path / "run", config, replace(TINY, crop_pixels=16))
+    trainer.run(_silent, keep_steps={3})
+    average, raw = trainer.average.state_dict(), trainer.network.state_dict()
+    assert not any(torch.equal(average[name], raw[name]) for name in average if name.endswith("weight"))
+    for path in ("policy.safetensors", "checkpoints/step-0000003.safetensors"):
+        saved = load_file(tmp_path / "run" / path)
+        assert saved.keys() - {ANCHORS} == average.keys()
+        assert all(torch.equal(saved[name], average[name]) for name in average)
 
 
 def test_a_loss_that_is_no_number_is_not_saved(flat_set: Path, tmp_path: Path) -> None:
@@ -199,6 +213,9 @@ def test_damaged_checkpoints_are_named(flat_set: Path, tmp_path: Path) -> None:
     good_weights, good_card = weights.read_bytes(), card.read_text()
     cases = {
         "damaged": lambda: weights.write_bytes(good_weights[: len(good_weights) // 2]),
+        "needs the text encoder 'another'": lambda: card.write_text(
+            json.dumps(json.loads(good_card) | {"encoder": "another"})
+        ),
         "does not fit": lambda: card.write_text(good_card.replace('"goal_dim": 16', '"goal_dim": 24')),
         "card .* is damaged": lambda: card.write_text(good_card[:100]),
         "format": lambda: card.write_text(good_card.replace('"version": 1,', '"version": 99,', 1)),

@@ -1,4 +1,4 @@
-"""The benchmark's eleven colours and its two palettes (task specification, section 2)."""
+"""The benchmark's eleven colours and its two palettes (docs/benchmark.md, "Colours")."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def rgb(name: str) -> Rgb:
 
 
 def random_brown(rng: np.random.Generator) -> Rgb:
-    """A lighter or darker brown (task specification, section 2)."""
+    """A lighter or darker brown (docs/benchmark.md, "Colours")."""
     shade = rng.uniform(0.5, 1.5)
     r, g, b = (round(shade * channel) for channel in COLORS["brown"])
     return r, g, b

@@ -16,7 +16,8 @@ from geometry_msgs.msg import TransformStamped
 from sensor_msgs.msg import CameraInfo, Image, JointState
 from trajectory_msgs.msg import JointTrajectoryPoint
 
-from cliport_perception import CameraModel, Pose
+from cliport_core import Pose
+from cliport_perception import CameraModel
 from sim_bridge.control.gripper_controller import GripperGoal, GripperResult
 from sim_bridge.control.joint_trajectory_controller import TrajectoryExecution, TrajectoryFeedback
 from sim_bridge.control.trajectory_goal import (

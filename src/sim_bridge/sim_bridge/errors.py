@@ -39,3 +39,11 @@ class ObjectFolderError(SimBridgeError):
 
 class GoalError(SimBridgeError):
     """An instruction that names no goal that this task can set up."""
+
+
+class TaskPackageError(SimBridgeError):
+    """A task of another package that cannot be used."""
+
+    def __init__(self, name: str, why: str) -> None:
+        self.name = name
+        super().__init__(f"the added task '{name[:60]}': {why}; mend or uninstall its package")

@@ -12,7 +12,8 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from std_msgs.msg import Empty
 
-from cliport_perception.ros_running import run_node
+from cliport_core.ros_running import run_node
+from sim_bridge.control.arm_reflex import ArmControllerConfig
 from sim_bridge.control.gripper_controller import GripperConfig, GripperController
 from sim_bridge.control.heartbeat import HeartbeatWatchdog
 from sim_bridge.control.joint_trajectory_controller import JointTrajectoryController
@@ -26,6 +27,9 @@ from sim_bridge.node_services import SceneServices
 from sim_bridge.node_state import StatePublisher
 from sim_bridge.pacing import RealTimePacer
 from sim_bridge.rendering.camera import CameraConfig, SimCamera
+from sim_bridge.rendering.mounting import load_camera
+from sim_bridge.robot import ROBOT
+from sim_bridge.scene import reset_scene
 from sim_bridge.sim_loop import SimLoop
 from sim_bridge.world import SimWorld
 
@@ -40,11 +44,19 @@ class SimNode(Node):  # type: ignore[misc]
         log = TrajectoryLog(parameters.trajectory_log)
         world = SimWorld()
         self._world = world
-        task = world.reset(parameters.task, parameters.split, parameters.seed, parameters.instruction)
-        camera = SimCamera(CameraConfig(noise=noise, n_threads=parameters.render_threads, reuse_still=True))
+        task = reset_scene(world, parameters.task, parameters.split, parameters.seed, parameters.instruction)
+        arm = parameters.arm
+        if arm.name != ROBOT.name:
+            self.get_logger().warning(f"preset {arm.name} is simulated with the body of the {ROBOT.name}")
+        found = load_camera(parameters.camera_mounting)
+        camera = SimCamera(
+            CameraConfig(
+                found.intrinsics, found.camera_in_base, noise, n_threads=parameters.render_threads, reuse_still=True
+            )
+        )
         self.loop = SimLoop(
             world,
-            JointTrajectoryController(),
+            JointTrajectoryController(ArmControllerConfig.for_arm(arm)),
             GripperController(_gripper_config(parameters)),
             RealTimePacer(world.dt, parameters.real_time_factor),
             lambda error: on_failure(SimBridgeError(f"the simulation failed: {error}")),
@@ -54,7 +66,7 @@ class SimNode(Node):  # type: ignore[misc]
         self._camera = CameraPublisher(self, self.loop, camera, faults, parameters.camera_rate, parameters.camera_frame)
         self._arm = ArmAction(self, self.loop, parameters.arm_action, faults, log)
         self._gripper = GripperAction(self, self.loop, parameters.gripper_action)
-        self._scenes = SceneServices(self, self.loop, parameters.seed)
+        self._scenes = SceneServices(self, self.loop, task, parameters.seed)
         self._watch(parameters)
         self.loop.start()
         self._camera.start()

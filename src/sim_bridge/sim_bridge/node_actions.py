@@ -4,20 +4,18 @@ from __future__ import annotations
 
 import time
 from abc import ABC, abstractmethod
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from rclpy.action import CancelResponse, GoalResponse
+from rclpy.action.server import ServerGoalHandle
 from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.node import Node
 
-from cliport_perception.ros_action_server import ThreadedActionServer
+from cliport_core.ros_action_server import ThreadedActionServer
 from sim_bridge.control.goal_status import GoalStatus
 from sim_bridge.control.joint_trajectory_controller import TrajectoryExecution
 from sim_bridge.errors import SimBridgeError
 from sim_bridge.sim_loop import Execution, SimLoop
-
-if TYPE_CHECKING:
-    from rclpy.action.server import ServerGoalHandle
-    from rclpy.node import Node
 
 FEEDBACK_PERIOD_S = 0.08  # wall time
 
@@ -34,6 +32,7 @@ class ControllerAction(ABC):
         self._name = name
         self._logger = node.get_logger()
         self._executions: dict[bytes, Execution] = {}
+        self._decoded: dict[int, tuple[Any, Any]] = {}  # accepted requests, by identity, with what they say
         self._server = ThreadedActionServer(
             node,
             action_type,
@@ -45,11 +44,15 @@ class ControllerAction(ABC):
         )
 
     @abstractmethod
-    def _check(self, request: Any) -> None:
+    def _decode(self, request: Any) -> Any:
+        """The goal as the controller knows it. Raises SimBridgeError when there is no such goal."""
+
+    @abstractmethod
+    def _check(self, goal: Any) -> None:
         """Raise SimBridgeError unless the controller would take the goal; on the loop's thread."""
 
     @abstractmethod
-    def _start(self, request: Any) -> Execution:
+    def _start(self, goal: Any) -> Execution:
         """Hand the goal to the controller, or raise SimBridgeError; on the loop's thread."""
 
     @abstractmethod
@@ -66,10 +69,12 @@ class ControllerAction(ABC):
 
     def _accept(self, request: Any) -> GoalResponse:
         try:
-            self._loop.call(lambda: self._check(request))
+            goal = self._decode(request)
+            self._loop.call(lambda: self._check(goal))
         except SimBridgeError as error:
             self._logger.warning(f"{self._name}: goal rejected: {error}")
             return GoalResponse.REJECT
+        self._decoded[id(request)] = request, goal
         return GoalResponse.ACCEPT
 
     def _cancel(self, handle: ServerGoalHandle) -> CancelResponse:
@@ -80,7 +85,11 @@ class ControllerAction(ABC):
 
     def _execute(self, handle: ServerGoalHandle) -> Any:
         try:
-            execution = self._loop.call(lambda: self._start(handle.request))
+            request = handle.request
+            _, goal = self._decoded.pop(id(request), (None, None))
+            if goal is None:  # this rclpy hands on another object than it had accepted
+                goal = self._decode(request)
+            execution = self._loop.call(lambda: self._start(goal))
         except SimBridgeError as error:
             self._logger.warning(f"{self._name}: goal aborted: {error}")
             handle.abort()

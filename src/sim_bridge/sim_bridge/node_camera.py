@@ -4,22 +4,20 @@ from __future__ import annotations
 
 import threading
 from queue import Empty, SimpleQueue
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, cast
 
 import numpy as np
+from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import CameraInfo, Image
 
+from cliport_core import topics
 from sim_bridge.conversions import camera_info_to_msg, image_to_msg
 from sim_bridge.node_faults import FaultInjection
 from sim_bridge.rendering.camera import SimCamera
 from sim_bridge.sim_loop import SimLoop
 from sim_bridge.world import SimWorld
 from sim_bridge.world_snapshot import WorldSnapshot
-
-if TYPE_CHECKING:
-    from rclpy.node import Node
-
 
 POLL_PERIOD_S = 0.01  # simulated time
 
@@ -45,9 +43,9 @@ class CameraPublisher:
         self._period = 1.0 / rate
         self._next_time = 0.0
         qos = QoSProfile(depth=2)
-        self._color = node.create_publisher(Image, "/camera/color/image_raw", qos)
-        self._depth = node.create_publisher(Image, "/camera/aligned_depth_to_color/image_raw", qos)
-        self._info = node.create_publisher(CameraInfo, "/camera/color/camera_info", qos)
+        self._color = node.create_publisher(Image, topics.COLOR, qos)
+        self._depth = node.create_publisher(Image, topics.DEPTH, qos)
+        self._info = node.create_publisher(CameraInfo, topics.CAMERA_INFO, qos)
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._run, name="camera", daemon=True)
         loop.every(POLL_PERIOD_S, self._tick)

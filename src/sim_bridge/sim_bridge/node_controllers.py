@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from control_msgs.action import FollowJointTrajectory, GripperCommand
+from rclpy.node import Node
 
 from sim_bridge import conversions
-from sim_bridge.control.gripper_controller import GripperExecution, GripperResult
+from sim_bridge.control.gripper_controller import GripperExecution, GripperGoal, GripperResult
 from sim_bridge.control.joint_trajectory_controller import TrajectoryExecution
-from sim_bridge.control.trajectory_goal import ErrorCode, validate_goal
+from sim_bridge.control.trajectory_goal import ErrorCode, TrajectoryGoal, validate_goal
 from sim_bridge.control.trajectory_log import TrajectoryLog
 from sim_bridge.node_actions import ControllerAction
 from sim_bridge.node_faults import FaultInjection
 from sim_bridge.sim_loop import SimLoop
-
-if TYPE_CHECKING:
-    from rclpy.node import Node
 
 
 class ArmAction(ControllerAction):
@@ -27,12 +23,14 @@ class ArmAction(ControllerAction):
         self._log = log
         super().__init__(node, loop, FollowJointTrajectory, name)
 
-    def _check(self, request: FollowJointTrajectory.Goal) -> None:
-        goal = conversions.trajectory_goal_from_msg(request)
+    def _decode(self, request: FollowJointTrajectory.Goal) -> TrajectoryGoal:
+        return conversions.trajectory_goal_from_msg(request)
+
+    def _check(self, goal: TrajectoryGoal) -> None:
         validate_goal(goal, self._loop.arm.config.joint_names, self._loop.world.time)
 
-    def _start(self, request: FollowJointTrajectory.Goal) -> TrajectoryExecution:
-        goal, now = conversions.trajectory_goal_from_msg(request), self._loop.world.time
+    def _start(self, goal: TrajectoryGoal) -> TrajectoryExecution:
+        now = self._loop.world.time
         execution = self._loop.arm.start(goal, now)
         self._log.append(goal, now)
         self._faults.started(execution, now)
@@ -60,11 +58,14 @@ class GripperAction(ControllerAction):
     def __init__(self, node: Node, loop: SimLoop, name: str) -> None:
         super().__init__(node, loop, GripperCommand, name)
 
-    def _check(self, request: GripperCommand.Goal) -> None:
-        self._loop.gripper.check(conversions.gripper_goal_from_msg(request))
+    def _decode(self, request: GripperCommand.Goal) -> GripperGoal:
+        return conversions.gripper_goal_from_msg(request)
 
-    def _start(self, request: GripperCommand.Goal) -> GripperExecution:
-        return self._loop.gripper.start(conversions.gripper_goal_from_msg(request), self._loop.world.time)
+    def _check(self, goal: GripperGoal) -> None:
+        self._loop.gripper.check(goal)
+
+    def _start(self, goal: GripperGoal) -> GripperExecution:
+        return self._loop.gripper.start(goal, self._loop.world.time)
 
     def _cancel_now(self, execution: GripperExecution) -> None:
         if self._loop.gripper.active is execution:

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
+from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from sim_bridge.control.joint_trajectory_controller import TrajectoryExecution
 from sim_bridge.sim_loop import SimLoop
-
-if TYPE_CHECKING:
-    from rclpy.node import Node
 
 ABORT_AFTER_S = 0.3
 _DESCRIPTIONS = {

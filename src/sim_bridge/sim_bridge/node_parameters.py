@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from rcl_interfaces.msg import ParameterDescriptor
+from rclpy.node import Node
 
+from cliport_core import topics
+from panda_model import DEFAULT_PRESET, ArmModel, load_preset
 from sim_bridge.errors import SimBridgeError
 from sim_bridge.rendering.sensor_noise import NoiseConfig
-
-if TYPE_CHECKING:
-    from rclpy.node import Node
+from sim_bridge.robot import HAND
 
 
 class ParameterError(SimBridgeError):
@@ -24,7 +25,9 @@ class SimParameters:
     """What the node is told at its start. Rates in Hz of simulated time, times in s, widths in m.
 
     `trajectory_log` is the path of a file that gets a JSON line for each accepted trajectory; empty for none.
-    `heartbeat_timeout` is wall time. `render_threads` 0 uses every core.
+    `heartbeat_timeout` is wall time. `render_threads` 0 uses every core. `robot` is a preset of panda_model: its names
+    and limits; an empty `base_frame`, `arm_action` or `gripper_action` is the preset's. `camera_mounting` is the path
+    of a YAML file that says where the camera stands; empty for the shipped one.
     """
 
     task: str = "put-blocks-in-bowls-seen-colors"
@@ -37,15 +40,17 @@ class SimParameters:
     real_time_factor: float = 1.0
     heartbeat_timeout: float = 0.5
     franka_quirks: bool = True
-    grasp_epsilon_inner: float = 0.08
-    grasp_epsilon_outer: float = 0.08
+    grasp_epsilon_inner: float = HAND.opening
+    grasp_epsilon_outer: float = HAND.opening
     trajectory_log: str = ""
     render_threads: int = 0
-    base_frame: str = "panda_link0"
+    robot: str = DEFAULT_PRESET
+    base_frame: str = ""
+    camera_mounting: str = ""
     camera_frame: str = "camera_color_optical_frame"
-    arm_action: str = "/panda_arm_controller/follow_joint_trajectory"
-    gripper_action: str = "/panda_gripper/gripper_action"
-    heartbeat_topic: str = "/panda_executor/heartbeat"
+    arm_action: str = ""
+    gripper_action: str = ""
+    heartbeat_topic: str = topics.HEARTBEAT
 
     def __post_init__(self) -> None:
         ranges = {
@@ -54,15 +59,22 @@ class SimParameters:
             "clock_rate": (1.0, 240.0),
             "real_time_factor": (0.01, 100.0),
             "heartbeat_timeout": (0.1, 60.0),
-            "grasp_epsilon_inner": (0.0, 0.08),
-            "grasp_epsilon_outer": (0.0, 0.08),
+            "grasp_epsilon_inner": (0.0, HAND.opening),
+            "grasp_epsilon_outer": (0.0, HAND.opening),
             "seed": (0, 2**62),
             "render_threads": (0, 1024),
         }
+        for name in ("base_frame", "arm_action", "gripper_action"):
+            object.__setattr__(self, name, getattr(self, name) or getattr(self.arm, name))
         for name, (least, most) in ranges.items():
             value = getattr(self, name)
             if not least <= value <= most:
                 raise ParameterError(f"parameter {name} must be in {least:g}..{most:g}, got {value}")
+
+    @property
+    def arm(self) -> ArmModel:
+        """The preset of the arm that is stood in for. Raises PresetError when it is unknown."""
+        return load_preset(self.robot)
 
 
 def declare_parameters(node: Node) -> tuple[SimParameters, NoiseConfig]:

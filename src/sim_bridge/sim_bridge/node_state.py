@@ -2,24 +2,19 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
+from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from tf2_msgs.msg import TFMessage
 
+from cliport_core import topics
 from sim_bridge.conversions import joint_state_to_msg, time_to_msg, transform_to_msg
 from sim_bridge.node_parameters import SimParameters
-from sim_bridge.panda import ARM_JOINT_NAMES, FINGER_JOINT_NAMES, ArmState
+from sim_bridge.panda import ArmState
 from sim_bridge.rendering.camera import SimCamera
 from sim_bridge.sim_loop import SimLoop
-
-if TYPE_CHECKING:
-    from rclpy.node import Node
-
-JOINT_NAMES = (*ARM_JOINT_NAMES, *FINGER_JOINT_NAMES)
 
 
 class StatePublisher:
@@ -27,9 +22,10 @@ class StatePublisher:
 
     def __init__(self, node: Node, loop: SimLoop, camera: SimCamera, parameters: SimParameters) -> None:
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        self._clock = node.create_publisher(Clock, "/clock", 10)
-        self._joints = node.create_publisher(JointState, "/joint_states", 10)
-        self._transforms = node.create_publisher(TFMessage, "/tf_static", latched)
+        self._names = parameters.arm.joints
+        self._clock = node.create_publisher(Clock, topics.CLOCK, 10)
+        self._joints = node.create_publisher(JointState, topics.JOINT_STATES, 10)
+        self._transforms = node.create_publisher(TFMessage, topics.TF_STATIC, latched)
         camera_in_base = transform_to_msg(camera.camera_in_base, parameters.base_frame, parameters.camera_frame, 0.0)
         self._transforms.publish(TFMessage(transforms=[camera_in_base]))
         loop.every(1.0 / parameters.clock_rate, self._publish_clock)
@@ -41,7 +37,7 @@ class StatePublisher:
     def _publish_joints(self, time: float, state: ArmState) -> None:
         self._joints.publish(
             joint_state_to_msg(
-                JOINT_NAMES,
+                self._names,
                 np.concatenate([state.positions, state.finger_positions]),
                 np.concatenate([state.velocities, state.finger_velocities]),
                 np.concatenate([state.efforts, np.zeros(2)]),

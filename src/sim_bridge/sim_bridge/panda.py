@@ -9,21 +9,16 @@ import numpy as np
 import numpy.typing as npt
 import pybullet_data
 
-from cliport_perception import Pose
+from cliport_core import Pose
 from sim_bridge.bullet import pybullet
 from sim_bridge.errors import SimulationError
+from sim_bridge.robot import HAND, ROBOT
 
 FloatArray = npt.NDArray[np.float64]
 
-ARM_JOINT_NAMES = tuple(f"panda_joint{i}" for i in range(1, 8))
-FINGER_JOINT_NAMES = ("panda_finger_joint1", "panda_finger_joint2")
-READY_POSITIONS = (0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785)  # [rad]
-TORQUE_LIMITS = (87.0, 87.0, 87.0, 87.0, 12.0, 12.0, 12.0)  # [N m], Panda datasheet
-MAX_WIDTH = 0.08  # between the fingers [m]
-MAX_FINGER_FORCE = 70.0  # hardware limit of the hand [N]
-TCP_IN_HAND = Pose(np.eye(3), np.array([0.0, 0.0, 0.1034]))  # panda_hand_tcp in panda_hand
-FINGER_SPEED = 0.1  # of one finger [m/s]
-
+_TCP_IN_HAND = Pose(np.eye(3), np.array([0.0, 0.0, HAND.tcp_from_hand]))
+# A finger's motor may be as quick as the whole width is to change: so it keeps up with the controller's pace.
+_MOTOR_SPEED = HAND.speed
 _POSITION_GAIN = 0.4  # share of the position error that one physics step takes back
 _VELOCITY_GAIN = 1.0
 _FINGERTIP_FRICTION = 1.5
@@ -41,12 +36,12 @@ class ArmState:
 
     @property
     def width(self) -> float:
-        """Distance between the fingers [m], 0..0.08."""
+        """Distance between the fingers [m], 0 to the hand's opening."""
         return float(self.finger_positions.sum())
 
 
 class PandaArm:
-    """The arm in the world of one PyBullet client, its base (panda_link0) at the origin.
+    """The arm in the world of one PyBullet client, its base frame at the origin.
 
     Joint commands are held by motors that obey the torque limits; the two fingers are coupled by a gear, as
     in the real hand. Commands stay in force until the next one.
@@ -62,12 +57,12 @@ class PandaArm:
             physicsClientId=client,
         )
         self.link_indices = self._find_links()
-        self._arm_joints = [self.link_indices[name.replace("joint", "link")] for name in ARM_JOINT_NAMES]
+        self._arm_joints = [self.link_indices[name.replace("joint", "link")] for name in ROBOT.arm_joints]
         self._finger_joints = [
-            self.link_indices["panda_leftfinger"],
-            self.link_indices["panda_rightfinger"],
+            self.link_indices[f"{ROBOT.prefix}leftfinger"],
+            self.link_indices[f"{ROBOT.prefix}rightfinger"],
         ]
-        self._hand = self.link_indices["panda_hand"]
+        self._hand = self.link_indices[ROBOT.hand_frame]
         self._set_up_contacts()
         self.reset_home()
 
@@ -98,22 +93,22 @@ class PandaArm:
             pybullet.POSITION_CONTROL,
             targetPositions=q.tolist(),
             targetVelocities=v.tolist(),
-            forces=list(TORQUE_LIMITS),
+            forces=ROBOT.torque.tolist(),
             positionGains=[_POSITION_GAIN] * 7,
             velocityGains=[_VELOCITY_GAIN] * 7,
             physicsClientId=self._client,
         )
 
     def command_fingers(self, width: float, max_effort: float) -> None:
-        """Drive the fingers to a full width [m], clipped to 0..0.08, with at most max_effort [N] each.
+        """Drive the fingers to a full width [m], clipped to 0..the hand's opening, with at most max_effort [N] each.
 
         Raises:
             SimulationError: when the width or the effort is not finite.
         """
         if not (np.isfinite(width) and np.isfinite(max_effort)):
             raise SimulationError(f"a finger command needs finite numbers, got {width} m, {max_effort} N")
-        half = float(np.clip(width, 0.0, MAX_WIDTH)) / 2.0
-        force = float(np.clip(max_effort, 0.0, MAX_FINGER_FORCE))
+        half = float(np.clip(width, 0.0, HAND.opening)) / 2.0
+        force = float(np.clip(max_effort, 0.0, HAND.max_force))
         for joint in self._finger_joints:
             pybullet.setJointMotorControl2(
                 self.body,
@@ -122,7 +117,7 @@ class PandaArm:
                 targetPosition=half,
                 targetVelocity=0.0,
                 force=force,
-                maxVelocity=FINGER_SPEED,
+                maxVelocity=_MOTOR_SPEED,
                 physicsClientId=self._client,
             )
 
@@ -132,16 +127,16 @@ class PandaArm:
 
     def reset_home(self) -> None:
         """Put the arm at the ready pose, at rest, with the hand open, without simulating the way there."""
-        for joint, position in zip(self._arm_joints, READY_POSITIONS, strict=True):
+        for joint, position in zip(self._arm_joints, ROBOT.ready.tolist(), strict=True):
             pybullet.resetJointState(self.body, joint, position, 0.0, physicsClientId=self._client)
         for joint in self._finger_joints:
-            pybullet.resetJointState(self.body, joint, MAX_WIDTH / 2.0, 0.0, physicsClientId=self._client)
-        self.command(READY_POSITIONS, np.zeros(7))
-        self.command_fingers(MAX_WIDTH, 20.0)
+            pybullet.resetJointState(self.body, joint, HAND.opening / 2.0, 0.0, physicsClientId=self._client)
+        self.command(ROBOT.ready, np.zeros(7))
+        self.command_fingers(HAND.opening, 20.0)
 
     def tcp_in_base(self) -> Pose:
-        """Pose of panda_hand_tcp in the base frame."""
-        return self.link_pose(self._hand) @ TCP_IN_HAND
+        """Pose of the tcp in the base frame."""
+        return self.link_pose(self._hand) @ _TCP_IN_HAND
 
     def link_pose(self, link: int) -> Pose:
         """Pose of the URDF frame of a link index (-1 is the base) in the base frame."""

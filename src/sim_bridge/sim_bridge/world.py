@@ -1,25 +1,21 @@
-"""The simulated world: a table, a Panda and one task's objects in one PyBullet client."""
+"""The simulated world: a table, a Panda and objects in one PyBullet client."""
 
 from __future__ import annotations
 
 import math
-import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
 
-from cliport_perception import PlanarPose, Pose, WorkspaceSpec
+from cliport_core import PlanarPose, Pose, WorkspaceSpec
 from sim_bridge.bullet import pybullet
 from sim_bridge.colors import Rgb, rgb
-from sim_bridge.errors import LayoutError, PhysicsError, SimulationError
+from sim_bridge.errors import PhysicsError, SimulationError
 from sim_bridge.objects import SceneObject, Shape
 from sim_bridge.panda import PandaArm
-from sim_bridge.task_mechanics.base import Task
-from sim_bridge.tasks import Split, make_task
 
-LARGEST_SEED = 2**63 - 1  # what files and messages hold
 _STEEP = 0.7  # an axis with a larger vertical part stands upright
 _FAR = 2.0  # nothing belongs farther from the base [m]
 _TABLE_HALF = (2.0, 2.0, 0.25)  # half edges of the slab about the origin whose top is the table's [m]
@@ -47,24 +43,10 @@ class SimConfig:
             )
 
 
-def scene_rng(task_name: str, split: Split, seed: int, stream: int = 0) -> np.random.Generator:
-    """The random numbers of one scene: the same seed in two splits or tasks gives different scenes.
-
-    stream: 0 for the scene itself; others are independent of it, for noise and variations around that scene.
-
-    Raises:
-        SimulationError: when the seed is negative or has more than 63 bits.
-    """
-    if not 0 <= seed <= LARGEST_SEED:
-        raise SimulationError(f"seed must be 0 to {LARGEST_SEED}, got {seed}")
-    key = [zlib.crc32(task_name.encode()), list(Split).index(split), seed]
-    return np.random.default_rng(np.random.SeedSequence(key, spawn_key=(stream,) if stream else ()))
-
-
 class SimWorld:
     """Owns one PyBullet client; the same calls give the same states, always.
 
-    World frame = base frame (panda_link0): x forward, y left, z up, the table's top at z = 0. Simulated time
+    World frame = base frame: x forward, y left, z up, the table's top at z = 0. Simulated time
     runs on over resets, so that it can drive a clock.
     """
 
@@ -75,9 +57,8 @@ class SimWorld:
             raise SimulationError("PyBullet gave no physics server; close other worlds of this process first")
         self._steps = 0
         self._objects: list[SceneObject] = []
-        self._task: Task | None = None
         self.panda: PandaArm
-        self._build()
+        self.clear()
 
     @property
     def time(self) -> float:
@@ -91,39 +72,27 @@ class SimWorld:
 
     @property
     def objects(self) -> Sequence[SceneObject]:
-        """The task's objects."""
+        """What lies on the table, in the order in which it was added."""
         return tuple(self._objects)
 
-    @property
-    def task(self) -> Task | None:
-        """What `reset` set up last."""
-        return self._task
-
-    def reset(self, task_name: str, split: str, seed: int, instruction: str = "") -> Task:
-        """A fresh scene with the arm at home: the same arguments give the same scene.
-
-        instruction: when not empty, the scene is made for the goal that it names.
-
-        Raises:
-            UnknownNameError: on an unknown task or split, naming the nearest ones.
-            GoalError: when the instruction names no goal that the task knows.
-            LayoutError: when the objects found no room in `max_layouts` drawn scenes.
-            PhysicsError: when the objects flew apart.
-            SimulationError: on a seed out of range.
-        """
-        task = make_task(task_name, split, instruction)
-        rng = scene_rng(task.name, task.split, seed)
-        for layouts_left in reversed(range(self.config.max_layouts)):
-            self._build()
-            try:
-                task.reset(self, rng)
-                break
-            except LayoutError:
-                if layouts_left == 0:
-                    raise
-        self.settle()
-        self._task = task
-        return task
+    def clear(self) -> None:
+        """Make the world anew, empty and with the arm at home, so that nothing of the last scene can reach the next."""
+        pybullet.resetSimulation(physicsClientId=self.client)
+        pybullet.setGravity(0.0, 0.0, -self.config.gravity, physicsClientId=self.client)
+        pybullet.setPhysicsEngineParameter(
+            fixedTimeStep=self.dt,
+            numSolverIterations=self.config.solver_iterations,
+            deterministicOverlappingPairs=1,
+            # a tenth of Bullet's: its contacts keep their normals, and old ones made turned things stick to a finger
+            contactBreakingThreshold=0.002,
+            physicsClientId=self.client,
+        )
+        self._objects = []
+        # a plane would touch a small thing in one point at a time: it would spin there, and sink
+        slab = pybullet.createCollisionShape(pybullet.GEOM_BOX, halfExtents=_TABLE_HALF, physicsClientId=self.client)
+        table = pybullet.createMultiBody(0.0, slab, basePosition=[0, 0, -_TABLE_HALF[2]], physicsClientId=self.client)
+        pybullet.changeDynamics(table, -1, lateralFriction=self.config.table_friction, physicsClientId=self.client)
+        self.panda = PandaArm(self.client)
 
     def step(self) -> None:
         """Advance physics by one step."""
@@ -232,23 +201,3 @@ class SimWorld:
             speed = float(np.linalg.norm(linear))
             if not (np.isfinite(at).all() and np.abs(at).max() < _FAR and speed < _IMPOSSIBLE_SPEED):
                 raise PhysicsError(f"the {thing.described} flew off to {np.round(at, 2).tolist()} m at {speed:.0f} m/s")
-
-    def _build(self) -> None:
-        """Everything anew, so that nothing of the last scene can reach this one."""
-        pybullet.resetSimulation(physicsClientId=self.client)
-        pybullet.setGravity(0.0, 0.0, -self.config.gravity, physicsClientId=self.client)
-        pybullet.setPhysicsEngineParameter(
-            fixedTimeStep=self.dt,
-            numSolverIterations=self.config.solver_iterations,
-            deterministicOverlappingPairs=1,
-            # a tenth of Bullet's: its contacts keep their normals, and old ones made turned things stick to a finger
-            contactBreakingThreshold=0.002,
-            physicsClientId=self.client,
-        )
-        self._objects = []
-        self._task = None
-        # a plane would touch a small thing in one point at a time: it would spin there, and sink
-        slab = pybullet.createCollisionShape(pybullet.GEOM_BOX, halfExtents=_TABLE_HALF, physicsClientId=self.client)
-        table = pybullet.createMultiBody(0.0, slab, basePosition=[0, 0, -_TABLE_HALF[2]], physicsClientId=self.client)
-        pybullet.changeDynamics(table, -1, lateralFriction=self.config.table_friction, physicsClientId=self.client)
-        self.panda = PandaArm(self.client)

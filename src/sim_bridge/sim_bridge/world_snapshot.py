@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from cliport_perception import Pose
+from cliport_core import Pose
 from sim_bridge.objects import SceneObject
 from sim_bridge.panda import PandaArm
 from sim_bridge.world import SimWorld

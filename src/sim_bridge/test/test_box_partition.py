@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sim_bridge.errors import LayoutError
-from sim_bridge.task_mechanics.box_partition import GAP, Cell, partition, random_packing
+from sim_bridge.tasks.box_partition import GAP, Cell, partition, random_packing
 
 
 def edges(cell: Cell) -> tuple[float, float, float, float]:

@@ -4,7 +4,7 @@ import numpy as np
 import pybullet
 import pytest
 
-from cliport_perception import PlanarPose, Pose
+from cliport_core import PlanarPose, Pose
 from sim_bridge.control import (
     GoalStatus,
     GripperController,
@@ -13,7 +13,7 @@ from sim_bridge.control import (
     TrajectoryGoal,
 )
 from sim_bridge.objects import block_shape
-from sim_bridge.panda import READY_POSITIONS
+from sim_bridge.robot import ROBOT
 from sim_bridge.world import SimWorld
 
 
@@ -47,7 +47,7 @@ def rig():
 
 def sweep(shift, seconds):
     """From the ready pose by `shift` (7,) [rad], a quintic from rest to rest."""
-    start = np.array(READY_POSITIONS)
+    start = ROBOT.ready
     zeros = np.zeros((2, 7))
     names = JointTrajectoryController().config.joint_names
     return TrajectoryGoal.from_arrays(names, [0.0, seconds], [start, start + shift], zeros, zeros)

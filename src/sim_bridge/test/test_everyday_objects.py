@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 import pytest
 
+from cliport_core import Pose
 from sim_bridge.errors import ObjectFolderError
 from sim_bridge.everyday import FOLDER_VARIABLE, describe, google_names, object_set
 from sim_bridge.everyday.decomposition import convex_pieces
@@ -14,7 +15,7 @@ from sim_bridge.everyday.everyday_object import THINNEST
 from sim_bridge.everyday.merging import merged
 from sim_bridge.geometry.mesh import TriangleMesh
 from sim_bridge.objects.block import WIDEST_PINCH
-from sim_bridge.task_mechanics.pinching import about_z, pinches_lying
+from sim_bridge.task_mechanics.pinches import pinches_lying
 
 OWN = (*object_set().seen, *object_set().unseen)
 
@@ -81,7 +82,10 @@ def test_pieces_are_about_the_mesh_and_few() -> None:
 
 def test_pinches_turn_with_the_thing() -> None:
     shape = object_set().named("chocolate bar").sized(0.12)
-    here, turned = pinches_lying(shape, np.eye(3))[0], pinches_lying(shape, about_z(0.5))[0]
+    here, turned = (
+        pinches_lying(shape, np.eye(3))[0],
+        pinches_lying(shape, Pose.from_xyz_rpy((0, 0, 0), (0, 0, 0.5)).rotation)[0],
+    )
     assert abs(here.yaw - np.pi / 2) < 0.2 and abs(turned.yaw - here.yaw - 0.5) < 0.2
     assert here.width == pytest.approx(0.044, abs=0.006) and np.hypot(here.x, here.y) < 0.025
 

@@ -12,15 +12,19 @@ import open3d.core as o3c
 import pytest
 from open3d.t.geometry import RaycastingScene
 
-from cliport_perception import CameraModel, Pose
+from cliport_core import Pose
+from cliport_perception import CameraModel
 from sim_bridge.geometry.mesh import TriangleMesh
-from sim_bridge.rendering.appearance import Appearance, random_appearance
-from sim_bridge.rendering.camera import default_camera_in_base, default_intrinsics, mounting_error
+from sim_bridge.rendering.appearance import Appearance, random_appearance, random_light, random_table
+from sim_bridge.rendering.backdrop import TABLE_TRIANGLES, backdrop_mesh
+from sim_bridge.rendering.camera import default_intrinsics, mounting_error
 from sim_bridge.rendering.image_window import ImageWindow
+from sim_bridge.rendering.mounting import load_mounting
 from sim_bridge.rendering.panda_meshes import panda_meshes
 from sim_bridge.rendering.renderer import Renderer
-from sim_bridge.rendering.room import TABLE_TRIANGLES, room_mesh
+from sim_bridge.rendering.table_texture import Pattern, TableTexture
 from sim_bridge.rendering.visible import Visible
+from sim_bridge.scene import reset_scene
 from sim_bridge.world import SimWorld
 
 CAMERA = default_intrinsics()
@@ -62,7 +66,7 @@ def plain(
     for link, mesh in panda_meshes().items():
         index = -1 if link == "panda_link0" else world.panda.link_indices[link]
         items.append((mesh, world.panda.link_pose(index), look.robot_rgb))
-    room = room_mesh()
+    room = backdrop_mesh()
     corners = [room.vertices[room.triangles]] + [
         p.apply(m.vertices).astype(np.float32)[m.triangles] for m, p, _ in items
     ]
@@ -86,7 +90,12 @@ def plain(
     dark = scene.test_occlusions(o3c.Tensor.from_numpy(np.hstack([probes, towards]).astype(np.float32))).numpy()
     cosine = np.where(dark, 0.0, np.clip(normals @ look.to_light, 0.0, None)[triangle])
     share = look.ambient * (0.85 + 0.15 * normals[triangle, 2]) + look.diffuse * cosine
-    color = np.concatenate(own)[triangle] * share[:, None]
+    shown = np.concatenate(own)[triangle]
+    if look.table_texture is not None:
+        on_table = triangle < TABLE_TRIANGLES
+        points = origins + directions * np.where(seen, depth, 0.0)[:, None]
+        shown[on_table] = look.table_colors(points[on_table].astype(np.float32))
+    color = shown * share[:, None]
     color[~seen] = np.array(look.floor_rgb) * look.ambient * 0.85
     shape = (camera.height, camera.width)
     return np.clip(np.rint(color), 0, 255).astype(np.uint8).reshape(*shape, 3), depth.reshape(shape)
@@ -110,21 +119,21 @@ def world() -> Iterator[SimWorld]:
 
 @pytest.mark.parametrize("seed", range(3))
 def test_scenes_of_a_task_in_the_default_and_in_random_looks(world: SimWorld, seed: int) -> None:
-    world.reset(TASK, "val", seed)
+    reset_scene(world, TASK, "val", seed)
     rng = np.random.default_rng(seed)
-    assert_fast_equals_plain(world, default_camera_in_base(), Appearance())
-    assert_fast_equals_plain(world, mounting_error(default_camera_in_base(), rng), random_appearance(rng))
+    assert_fast_equals_plain(world, load_mounting(), Appearance())
+    assert_fast_equals_plain(world, mounting_error(load_mounting(), rng), random_appearance(rng))
 
 
 def test_the_arm_in_view_and_its_shadow(world: SimWorld) -> None:
-    world.reset(TASK, "val", 0)
+    reset_scene(world, TASK, "val", 0)
     positions = np.add(world.panda.state().positions, (0.2, 0.6, 0.1, 0.3, 0.0, 0.0, 0.0))
     world.panda.command(positions, np.zeros(7))
     for _ in range(240):
         world.step()
     rng = np.random.default_rng(1)
     for look in (Appearance(), random_appearance(rng), random_appearance(rng)):
-        assert_fast_equals_plain(world, default_camera_in_base(), look)
+        assert_fast_equals_plain(world, load_mounting(), look)
 
 
 def turned(x: float, y: float, z: float, roll: float = 0.0, pitch: float = 0.0) -> Pose:
@@ -143,9 +152,9 @@ def test_things_at_edges_in_the_air_below_the_table_and_before_the_lens() -> Non
     )
     rng = np.random.default_rng(2)
     for look in (Appearance(), random_appearance(rng), Appearance(light_elevation=0.2)):
-        assert_fast_equals_plain(Still(things), default_camera_in_base(), look)
-    before_the_lens = (*things, Thing(box, default_camera_in_base()))
-    assert_fast_equals_plain(Still(before_the_lens), default_camera_in_base(), Appearance())
+        assert_fast_equals_plain(Still(things), load_mounting(), look)
+    before_the_lens = (*things, Thing(box, load_mounting()))
+    assert_fast_equals_plain(Still(before_the_lens), load_mounting(), Appearance())
     from_the_side = Pose.looking_at((0.4, 1.0, 0.2), (0.4, 0.0, 0.3))  # the floor's end and the void beyond it
     assert_fast_equals_plain(Still(things), from_the_side, Appearance())
 
@@ -153,14 +162,14 @@ def test_things_at_edges_in_the_air_below_the_table_and_before_the_lens() -> Non
 def test_a_distorting_lens_and_an_empty_table() -> None:
     camera = CameraModel(240, 136, 135.0, 135.0, 120.0, 68.0, "plumb_bob", (-0.2, 0.05, 0.0, 0.0, 0.0))
     block = Thing(TriangleMesh.box((0.1, 0.1, 0.1)), turned(0.45, 0.1, 0.05))
-    assert_fast_equals_plain(Still((block,)), default_camera_in_base(), Appearance(), camera)
-    assert_fast_equals_plain(Still(()), default_camera_in_base(), Appearance())
+    assert_fast_equals_plain(Still((block,)), load_mounting(), Appearance(), camera)
+    assert_fast_equals_plain(Still(()), load_mounting(), Appearance())
 
 
 def test_the_picture_depends_neither_on_threads_nor_on_what_was_rendered_before(world: SimWorld) -> None:
-    world.reset(TASK, "val", 3)
+    reset_scene(world, TASK, "val", 3)
     rng = np.random.default_rng(3)
-    looks = [(mounting_error(default_camera_in_base(), rng), random_appearance(rng)) for _ in range(2)]
+    looks = [(mounting_error(load_mounting(), rng), random_appearance(rng)) for _ in range(2)]
     one, many = (Renderer(CAMERA, ImageWindow.whole(CAMERA), n_threads=n) for n in (1, 0))
     for pose, look in (*looks, looks[0]):
         fresh = Renderer(CAMERA, ImageWindow.whole(CAMERA), n_threads=2).render(world, pose, look)
@@ -180,7 +189,7 @@ def test_a_texture_lies_where_its_coordinates_say() -> None:
     bare = TriangleMesh.joined([sheet, TriangleMesh.box((0.04, 0.04, 0.04)).colored((10, 20, 30))])
     world = Still((Thing(bare, Pose.from_xyz_rpy((0.45, 0.0, 0.01), (0.0, 0.0, 0.0))),))
     look = Appearance(ambient=1.0, diffuse=0.0)
-    pose = default_camera_in_base()
+    pose = load_mounting()
     frame = Renderer(CAMERA, ImageWindow.whole(CAMERA)).render(world, pose, look)
 
     def shown(x: float, y: float, z: float = 0.01) -> list[int]:
@@ -192,3 +201,18 @@ def test_a_texture_lies_where_its_coordinates_say() -> None:
     assert shown(0.40, -0.05) == [0, 0, 255]
     assert shown(0.50, -0.05) == [200, 200, 0]
     assert shown(0.45, 0.0, 0.03) == [10, 20, 30]
+
+
+@pytest.mark.parametrize("pattern", list(Pattern))
+def test_patterns_on_the_table_are_seen_alike_in_light_and_shadow(world: SimWorld, pattern: Pattern) -> None:
+    reset_scene(world, TASK, "test", 1)
+    look = Appearance(table_texture=TableTexture(pattern, (120.0, 96.0, 60.0), 0.08, 0.4, seed=3))
+    assert_fast_equals_plain(world, load_mounting(), look)
+
+
+def test_light_and_table_are_drawn_apart() -> None:
+    lit = random_light(Appearance(), np.random.default_rng(0))
+    laid = random_table(Appearance(), np.random.default_rng(0))
+    assert lit.table_rgb == Appearance().table_rgb and lit.table_texture is None and lit.diffuse != Appearance().diffuse
+    assert laid.to_light == Appearance().to_light and laid.diffuse == Appearance().diffuse
+    assert laid.table_texture is not None and max(abs(np.subtract(laid.table_texture.rgb, laid.table_rgb))) > 5.0

@@ -6,14 +6,15 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 import pytest
 
-from cliport_perception import PlanarPose, Pose
+from cliport_core import PlanarPose, Pose
 from sim_bridge.errors import LayoutError, PhysicsError
 from sim_bridge.objects import block_shape, bowl_shape, container_shape, cuboid
-from sim_bridge.task_mechanics.free_space import FINGER_ROOM, free_pose
+from sim_bridge.scene import reset_scene, scene_rng
 from sim_bridge.task_mechanics.goal import Goal, PoseMetric, ZoneMetric, lattice
 from sim_bridge.task_mechanics.goal_task import GoalTask
+from sim_bridge.task_mechanics.placing import FINGER_CLEARANCE, free_pose
 from sim_bridge.tasks import TASKS, Split, make_task
-from sim_bridge.world import SimWorld, scene_rng
+from sim_bridge.world import SimWorld
 
 HALF = 0.02
 
@@ -78,7 +79,9 @@ def test_goals_advance_one_at_a_time_and_are_never_looked_at_again(world: SimWor
     task.advance()
     assert task.score() == 0.0 and task.instruction == "block 0"
     world.move_object(first.objects[0], first.targets[0])
-    assert task.score() == 0.5
+    assert task.score() == 0.0 and task.running_score() == 0.5
+    task.advance()
+    assert task.score() == 0.5 and not task.done() and task.present_goal is second
     task.advance()
     assert task.score() == 1.0 and task.done()
     world.move_object(first.objects[0], PlanarPose(0.3, 0.3, 0.0).as_pose(HALF))
@@ -106,7 +109,7 @@ def test_zone_metric_counts_the_points_inside(world: SimWorld) -> None:
 def test_the_expert_picks_across_what_is_narrow_and_turns_the_least(world: SimWorld) -> None:
     task = two_blocks(world)
     action = task.expert_action()
-    assert action is not None and action.instruction == "block 0"
+    assert action is not None and task.instruction == "block 0"
     assert (action.pick.x, action.pick.y) == pytest.approx((0.35, -0.1))
     assert (action.place.x, action.place.y) == pytest.approx((0.5, -0.1))
     assert action.place.yaw - action.pick.yaw == pytest.approx(-0.2)
@@ -116,6 +119,18 @@ def test_the_expert_picks_across_what_is_narrow_and_turns_the_least(world: SimWo
     assert not task.judge(PlanarPose(0.35, 0.1, 0.0), action.place).pick_right
     assert not task.judge(action.pick, PlanarPose(0.5, 0.1, 0.0)).place_right
     assert task.judge(PlanarPose(0.6, 0.3, 0.0), action.place).picked == ""
+
+
+def test_a_pick_beside_the_middle_is_judged_by_what_the_hand_does_with_it(world: SimWorld) -> None:
+    task = two_blocks(world)
+    action = task.expert_action()
+    assert action is not None
+    off = PlanarPose(action.pick.x + 0.014, action.pick.y, action.pick.yaw)
+    assert task.judge(off, action.place).place_right
+    assert not task.judge(off, action.place, exact_offset=True).place_right
+    carried = action.place @ action.pick.inverse() @ off  # as far off at the place as at the pick
+    assert task.judge(off, carried, exact_offset=True).place_right
+    assert not task.judge(off, carried).place_right
 
 
 def test_what_was_tried_in_vain_waits_for_something_else(world: SimWorld) -> None:
@@ -169,7 +184,7 @@ def test_free_places_leave_room_for_fingers_and_end_in_an_error(world: SimWorld)
     assert len(placed) >= 12
     spots = np.array([world.object_xy(o) for o in placed])
     gaps = np.linalg.norm(spots[:, None] - spots[None], axis=-1) + np.eye(len(spots))
-    assert gaps.min() > HALF + block_shape().radius + FINGER_ROOM - 0.004
+    assert gaps.min() > HALF + block_shape().radius + FINGER_CLEARANCE - 0.004
     assert (spots > (spec.x_min + HALF, spec.y_min + HALF)).all()
     assert (spots < (spec.x_max - HALF, spec.y_max - HALF)).all()
 
@@ -178,6 +193,9 @@ def test_bowls_may_stand_closer_than_what_is_grasped(world: SimWorld) -> None:
     rng = np.random.default_rng(0)
     for _ in range(7):
         world.add(bowl_shape(), free_pose(world, bowl_shape(), rng, graspable=False).as_pose(0.0175), "red")
+    spots = np.array([world.object_xy(bowl) for bowl in world.objects])
+    gaps = np.linalg.norm(spots[:, None] - spots[None], axis=-1)[np.triu_indices(7, 1)] - 2 * bowl_shape().radius
+    assert 0.0 < gaps.min() < FINGER_CLEARANCE
 
 
 def test_a_container_is_hollow(world: SimWorld) -> None:
@@ -199,7 +217,7 @@ def test_what_flies_off_is_an_error(world: SimWorld) -> None:
 def test_every_task_sets_up_and_no_two_splits_share_a_scene(shared_world: SimWorld, name: str) -> None:
     draws = {float(scene_rng(name, split, 3).random()) for split in Split}
     assert len(draws) == len(Split)
-    task = shared_world.reset(name, "val", 3)
+    task = reset_scene(shared_world, name, "val", 3)
     assert task.name == name and task.objects and task.expert_action() is not None and task.score() < 0.99
 
 

@@ -8,17 +8,18 @@ import cv2
 import numpy as np
 import pytest
 
-from cliport_perception import PlanarPose
+from cliport_core import PlanarPose
 from sim_bridge.bullet import pybullet
 from sim_bridge.geometry.outlines import signed_area
 from sim_bridge.objects.convex_pieces import convex_pieces
 from sim_bridge.objects.kit import HOLE_RGB, KIT_SIZE, hole_poses, hole_shape
 from sim_bridge.objects.kit_shapes import KIT_SHAPES, SEEN_SHAPES, THICKNESS, UNSEEN_SHAPES, kit_shape
 from sim_bridge.objects.outline import Outline
-from sim_bridge.task_mechanics.pinching import gripper_at
+from sim_bridge.scene import reset_scene
+from sim_bridge.task_mechanics.pinches import gripper_at
 from sim_bridge.world import SimWorld
 
-# name, extents [mm], period of the metric: the specification's table
+# name, extents [mm], period of the metric: docs/benchmark.md, "Kitting shapes"
 TABLE = [
     ("letter R shape", 40.5, 56.7, math.tau),
     ("letter A shape", 49.9, 57.0, math.tau),
@@ -126,7 +127,7 @@ def test_letters_and_the_heart_look_the_same_after_no_turn() -> None:
 def test_the_best_pinch_lifts_the_shape_without_turning_it(
     world: SimWorld, scripted_hand: Callable[[SimWorld], Any], index: int
 ) -> None:
-    world.reset("packing-unseen-shapes", "val", 0)
+    reset_scene(world, "packing-unseen-shapes", "val", 0)
     for thing in world.objects:
         world.remove(thing)
     pinch = kit_shape(index).pinches[0]

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from cliport_perception import Pose
+from cliport_core import Pose
 from sim_bridge.errors import SimulationError
 from sim_bridge.geometry.mesh import TriangleMesh
 from sim_bridge.objects import bowl_shape

@@ -5,13 +5,15 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from cliport_perception import CameraModel, PlanarPose, Pose, WorkspaceSpec, heightmap_from_rgbd
+from cliport_core import PlanarPose, Pose, WorkspaceSpec
+from cliport_perception import CameraModel, heightmap_from_rgbd
 from sim_bridge.colors import COLORS
 from sim_bridge.errors import SimulationError
 from sim_bridge.objects import block_shape, bowl_shape
 from sim_bridge.rendering.appearance import Appearance, AppearanceRanges, random_appearance
-from sim_bridge.rendering.camera import CameraConfig, SimCamera, default_camera_in_base, mounting_error
+from sim_bridge.rendering.camera import CameraConfig, SimCamera, mounting_error
 from sim_bridge.rendering.image_window import ImageWindow
+from sim_bridge.rendering.mounting import load_mounting
 from sim_bridge.rendering.renderer import Renderer
 from sim_bridge.rendering.sensor_noise import NoiseConfig
 from sim_bridge.world import SimWorld
@@ -36,7 +38,7 @@ def add_bowl(world: SimWorld, color: str, x: float, y: float) -> None:
 
 def test_depth_of_the_table_and_of_a_block_is_analytic(world: SimWorld) -> None:
     add_block(world, "red", 0.45, 0.1)
-    pose = default_camera_in_base()
+    pose = load_mounting()
     frame = Renderer(SMALL, ImageWindow.whole(SMALL)).render(world, pose, Appearance())
     points = pose.apply(SMALL.rays() * np.where(np.isfinite(frame.depth), frame.depth, 0.0)[..., None])
     on_table = (points[..., 0] > 0.3) & (points[..., 0] < 0.6) & (points[..., 1] > -0.4) & (points[..., 1] < 0.0)
@@ -74,7 +76,7 @@ def test_arm_at_home_is_not_in_the_heightmap_and_the_workspace_is_seen(world: Si
 
 def test_shadow_darkens_the_table_behind_a_bowl(world: SimWorld) -> None:
     look = Appearance()
-    pose = default_camera_in_base()
+    pose = load_mounting()
     renderer = Renderer(SMALL, ImageWindow.whole(SMALL))
     empty = renderer.render(world, pose, look)
     add_bowl(world, "green", 0.45, 0.0)
@@ -91,7 +93,7 @@ def test_shadow_darkens_the_table_behind_a_bowl(world: SimWorld) -> None:
 
 def test_window_equals_the_same_part_of_the_whole_image(world: SimWorld) -> None:
     add_bowl(world, "pink", 0.5, -0.2)
-    pose = default_camera_in_base()
+    pose = load_mounting()
     window = ImageWindow(30, 100, 50, 200)
     whole = Renderer(SMALL, ImageWindow.whole(SMALL)).render(world, pose, Appearance())
     part = Renderer(SMALL, window, n_threads=1).render(world, pose, Appearance())
@@ -123,7 +125,7 @@ def test_random_looks_keep_level_surfaces_bright_enough_and_errors_small() -> No
         look = random_appearance(rng)
         level = look.ambient + look.diffuse * look.to_light[2]
         assert 0.85 < level < 1.15 and np.linalg.norm(look.to_light) == pytest.approx(1.0)
-        moved = default_camera_in_base().inverse() @ mounting_error(default_camera_in_base(), rng)
+        moved = load_mounting().inverse() @ mounting_error(load_mounting(), rng)
         assert np.linalg.norm(moved.translation) < 0.01
         assert np.arccos(np.clip((np.trace(moved.rotation) - 1) / 2, -1, 1)) < 0.01
     assert isinstance(mounting_error(Pose.identity(), rng), Pose)

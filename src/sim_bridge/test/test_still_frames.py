@@ -4,6 +4,7 @@ import numpy as np
 
 from sim_bridge.rendering.camera import CameraConfig, SimCamera
 from sim_bridge.rendering.sensor_noise import NoiseConfig
+from sim_bridge.scene import reset_scene
 from sim_bridge.world import SimConfig, SimWorld
 
 TASK = "put-blocks-in-bowls-seen-colors"
@@ -16,7 +17,7 @@ def test_reused_frames_are_the_rendered_ones_until_something_moves() -> None:
     reusing, rendering = (SimCamera(CameraConfig(noise=perfect, reuse_still=reuse)) for reuse in (True, False))
     try:
         for seed in (0, 1):
-            world.reset(TASK, "val", seed)
+            reset_scene(world, TASK, "val", seed)
             for _ in range(2):
                 a, b = reusing.capture(world, rng), rendering.capture(world, rng)
                 assert np.array_equal(a.color, b.color)

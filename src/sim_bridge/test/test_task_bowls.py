@@ -4,10 +4,11 @@ from collections.abc import Iterator
 
 import pytest
 
-from cliport_perception import Pose
+from cliport_core import Pose
 from sim_bridge.colors import COLORS, SEEN_PALETTE, UNSEEN_PALETTE
 from sim_bridge.errors import GoalError, SimulationError, UnknownNameError
 from sim_bridge.objects import SceneObject
+from sim_bridge.scene import reset_scene
 from sim_bridge.tasks import ColorGoal, PutBlocksInBowls, goal_colors, make_task
 from sim_bridge.world import SimWorld
 
@@ -25,7 +26,7 @@ def world() -> Iterator[SimWorld]:
 def scene_with(world: SimWorld, n_blocks: int) -> PutBlocksInBowls:
     """The first test scene with that many target blocks."""
     for seed in range(50):
-        task = world.reset(SEEN, "test", seed)
+        task = reset_scene(world, SEEN, "test", seed)
         assert isinstance(task, PutBlocksInBowls)
         if task.max_steps == n_blocks + 1:
             return task
@@ -72,6 +73,8 @@ def test_wrong_bowl_and_wrong_block_do_not_count(world: SimWorld) -> None:
     for other in wrong_blocks:
         put(world, other, bowl)
         assert task.score() == 0.0
+    put(world, block, bowl)
+    assert task.score() == 1.0  # whatever else is in the bowl
 
 
 def test_expert_takes_the_block_farthest_from_its_nearest_free_bowl(world: SimWorld) -> None:
@@ -111,14 +114,15 @@ def test_goal_colours_come_from_the_splits_palette(
     world: SimWorld, name: str, split: str, palette: tuple[str, ...]
 ) -> None:
     for seed in range(12):
-        task = world.reset(name, split, seed)
+        task = reset_scene(world, name, split, seed)
         assert isinstance(task, PutBlocksInBowls)
         goal = task.goal
         assert goal.block in palette and goal.bowl in palette and goal.block != goal.bowl
         others = [o.color for o in task.objects if o.color not in (goal.block, goal.bowl)]
         assert others == [c for c in COLORS if c not in (goal.block, goal.bowl)][:6]
-        assert all(g.block in palette and g.bowl in palette for g in task.goals_in_scene())
-        assert goal in task.goals_in_scene()
+        offered = [goal_colors(g.sentence) for g in task.goals_in_scene()]
+        assert all(g.block in palette and g.bowl in palette for g in offered)
+        assert goal in offered
         bowls = task.bowls(goal.bowl)
         assert 1 <= task.max_steps - 1 <= len(bowls) <= 3
         assert all(o.fixed == (o in bowls) for o in task.objects)
@@ -126,12 +130,12 @@ def test_goal_colours_come_from_the_splits_palette(
 
 def test_unknown_names_and_bad_values_name_the_remedy(world: SimWorld) -> None:
     with pytest.raises(UnknownNameError, match=r"did you mean .*put-blocks-in-bowls-seen-colors"):
-        world.reset("put-blocks-in-bowl-seen-colours", "test", 0)
+        reset_scene(world, "put-blocks-in-bowl-seen-colours", "test", 0)
     with pytest.raises(UnknownNameError, match="unknown split 'tset': did you mean test"):
         make_task(SEEN, "tset")
     for seed in (-1, 2**63):
         with pytest.raises(SimulationError, match=f"seed must be 0 to 9223372036854775807, got {seed}"):
-            world.reset(SEEN, "test", seed)
+            reset_scene(world, SEEN, "test", seed)
 
 
 @pytest.mark.parametrize(
@@ -146,7 +150,7 @@ def test_unknown_names_and_bad_values_name_the_remedy(world: SimWorld) -> None:
 )
 def test_words_name_a_goal(world: SimWorld, sentence: str, block: str, bowl: str) -> None:
     assert goal_colors(sentence) == ColorGoal(block, bowl)
-    task = world.reset(SEEN, "test", 4, sentence)
+    task = reset_scene(world, SEEN, "test", 4, sentence)
     assert isinstance(task, PutBlocksInBowls) and task.goal == ColorGoal(block, bowl)
     assert task.blocks(block) and task.bowls(bowl)
 
@@ -154,4 +158,16 @@ def test_words_name_a_goal(world: SimWorld, sentence: str, block: str, bowl: str
 @pytest.mark.parametrize("sentence", ["tidy up", "put the red blocks away", "put the red block in a red bowl"])
 def test_words_without_a_goal_are_refused(world: SimWorld, sentence: str) -> None:
     with pytest.raises(GoalError):
-        world.reset(SEEN, "test", 0, sentence)
+        reset_scene(world, SEEN, "test", 0, sentence)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_distractors_of_place_red_in_green_take_the_colours_in_their_order(world: SimWorld, seed: int) -> None:
+    task = reset_scene(world, "place-red-in-green", "test", seed)
+    assert isinstance(task, PutBlocksInBowls)
+    blocks = [color for color in COLORS if color != "red"]
+    bowls = [color for color in COLORS if color != "green"]
+    last = [thing for thing in task.objects if thing in (*task.blocks(), *task.bowls())][-6:]
+    assert [thing.color for thing in last] == [
+        (blocks if thing.name == "block" else bowls)[k] for k, thing in enumerate(last)
+    ]

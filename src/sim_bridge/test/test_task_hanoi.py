@@ -6,9 +6,10 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from cliport_perception import Pose
+from cliport_core import Pose
 from sim_bridge.colors import SEEN_PALETTE, UNSEEN_PALETTE
 from sim_bridge.objects.hanoi import RING_DIAMETERS, ring_shape
+from sim_bridge.scene import reset_scene
 from sim_bridge.task_mechanics.goal import Goal
 from sim_bridge.task_mechanics.goal_task import GoalTask
 from sim_bridge.world import SimWorld
@@ -27,7 +28,7 @@ def world() -> Iterator[SimWorld]:
 
 
 def set_up(world: SimWorld, name: str = SEQ, seed: int = 5000) -> GoalTask:
-    task = world.reset(name, "val", seed)
+    task = reset_scene(world, name, "val", seed)
     assert isinstance(task, GoalTask)
     return task
 
@@ -43,6 +44,15 @@ def test_rings_start_on_the_lighter_side_the_largest_lowest(world: SimWorld) -> 
     local = [world.object_pose(stand).inverse().apply(world.object_pose(r).translation) for r in rings]
     assert np.allclose([at[:2] for at in local], [(0.0, -0.12)] * 3, atol=1e-3)
     assert local[0][2] > local[1][2] + 0.019 and local[1][2] > local[2][2] + 0.019
+
+
+def test_every_ring_is_threaded_on_the_peg_at_the_start(world: SimWorld) -> None:
+    task = set_up(world)
+    stand, *rings = task.objects
+    peg_top = world.object_pose(stand).apply(stand.mesh.vertices)[:, 2].max()
+    for ring in rings:
+        underside = world.object_pose(ring).apply(ring.mesh.vertices)[:, 2].min()
+        assert underside < peg_top - 0.003
 
 
 @pytest.mark.parametrize("name", [SEQ, PLAIN])
@@ -106,7 +116,7 @@ def test_a_ring_falls_around_its_peg(world: SimWorld) -> None:
 def test_three_colours_of_the_splits_palette(world: SimWorld, name: str, split: str, palette: tuple[str, ...]) -> None:
     seen = set()
     for seed in range(5):
-        task = world.reset(name, split, seed)
+        task = reset_scene(world, name, split, seed)
         colors = [ring.color for ring in task.objects[1:]]
         assert len(set(colors)) == 3 and set(colors) <= set(palette)
         seen |= set(colors)

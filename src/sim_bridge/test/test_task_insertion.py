@@ -6,8 +6,9 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from cliport_perception import Pose
+from cliport_core import Pose
 from sim_bridge.objects import SceneObject
+from sim_bridge.scene import reset_scene
 from sim_bridge.task_mechanics.goal_task import GoalTask
 from sim_bridge.tasks.place_red_in_green import PlaceRedInGreen
 from sim_bridge.world import SimWorld
@@ -29,7 +30,7 @@ def world() -> Iterator[SimWorld]:
 
 
 def set_up(world: SimWorld, name: str, seed: int) -> GoalTask:
-    task = world.reset(name, "val", seed)
+    task = reset_scene(world, name, "val", seed)
     assert isinstance(task, GoalTask)
     return task
 

@@ -6,11 +6,12 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from cliport_perception import PlanarPose, Pose
+from cliport_core import PlanarPose, Pose
 from sim_bridge.colors import SEEN_PALETTE, UNSEEN_PALETTE
 from sim_bridge.objects import SceneObject
 from sim_bridge.objects.container import CONTAINER_HEIGHT
 from sim_bridge.objects.kit_shapes import KIT_SHAPES, SEEN_SHAPES, UNSEEN_SHAPES
+from sim_bridge.scene import reset_scene
 from sim_bridge.tasks import Task
 from sim_bridge.world import SimWorld
 
@@ -38,7 +39,7 @@ def put(world: SimWorld, thing: SceneObject, box: SceneObject, off: tuple[float,
 
 @pytest.mark.parametrize("seed", range(4))
 def test_the_named_shape_counts_while_its_middle_is_inside(world: SimWorld, seed: int) -> None:
-    task = world.reset(NAME, "test", seed)
+    task = reset_scene(world, NAME, "test", seed)
     box, target, others = parts(task)
     assert task.score() == 0.0 and task.max_steps == 1
     assert task.instruction == f"pack the {target.name} in the brown box"
@@ -53,7 +54,7 @@ def test_the_named_shape_counts_while_its_middle_is_inside(world: SimWorld, seed
 
 
 def test_above_the_box_is_not_inside(world: SimWorld) -> None:
-    task = world.reset(NAME, "test", 0)
+    task = reset_scene(world, NAME, "test", 0)
     box, target, _ = parts(task)
     at = world.object_pose(box).translation
     world.move_object(target, Pose.from_xyz_rpy((at[0], at[1], CONTAINER_HEIGHT / 2 + 0.32), (0.0, 0.0, 0.0)))
@@ -66,7 +67,7 @@ def test_five_different_shapes_of_five_colours_and_a_fixed_box(
 ) -> None:
     allowed = {KIT_SHAPES[i].name for i in (SEEN_SHAPES if split == "train" else UNSEEN_SHAPES)}
     for seed in range(8):
-        box, target, others = parts(world.reset(NAME, split, seed))
+        box, target, others = parts(reset_scene(world, NAME, split, seed))
         assert box.fixed and box.name == "brown box"
         width, depth = np.ptp(box.mesh.vertices[:, 0]), np.ptp(box.mesh.vertices[:, 1])
         assert min(width, depth) > 0.099 and max(width, depth) < 0.153
@@ -78,7 +79,7 @@ def test_five_different_shapes_of_five_colours_and_a_fixed_box(
 
 def test_the_expert_puts_the_shape_into_the_middle(world: SimWorld) -> None:
     for seed in range(8):
-        task = world.reset(NAME, "val", seed)
+        task = reset_scene(world, NAME, "val", seed)
         box, target, _ = parts(task)
         action = task.expert_action()
         assert action is not None
@@ -93,7 +94,7 @@ def test_the_expert_puts_the_shape_into_the_middle(world: SimWorld) -> None:
 
 def test_the_same_seed_is_the_same_scene_under_either_name(world: SimWorld) -> None:
     def scene(name: str) -> list[object]:
-        task = world.reset(name, "train", 3)
+        task = reset_scene(world, name, "train", 3)
         return [task.instruction, *((o.described, world.object_pose(o).as_matrix().tolist()) for o in task.objects)]
 
     assert scene(NAME) == scene("packing-shapes")

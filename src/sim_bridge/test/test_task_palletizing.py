@@ -5,7 +5,8 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from cliport_perception import Pose
+from cliport_core import Pose
+from sim_bridge.scene import reset_scene
 from sim_bridge.tasks.palletizing_boxes import PalletizingBoxes
 from sim_bridge.world import SimWorld
 
@@ -18,7 +19,7 @@ def world() -> Iterator[SimWorld]:
 
 
 def set_up(world: SimWorld, seed: int = 5000) -> PalletizingBoxes:
-    task = world.reset("palletizing-boxes", "val", seed)
+    task = reset_scene(world, "palletizing-boxes", "val", seed)
     assert isinstance(task, PalletizingBoxes)
     return task
 

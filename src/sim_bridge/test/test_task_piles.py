@@ -5,10 +5,11 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from cliport_perception import PlanarPose, Pose, Primitive
+from cliport_core import PlanarPose, Pose, Primitive
 from sim_bridge.colors import SEEN_PALETTE, UNSEEN_PALETTE
+from sim_bridge.scene import reset_scene
+from sim_bridge.task_mechanics.sweeping import next_sweep, on_the_way
 from sim_bridge.tasks.separating_piles import N_BLOCKS, SeparatingPiles
-from sim_bridge.tasks.sweep_expert import next_sweep, on_the_way
 from sim_bridge.world import SimWorld
 
 SEEN, UNSEEN = "separating-piles-seen-colors", "separating-piles-unseen-colors"
@@ -30,7 +31,7 @@ def put(world: SimWorld, task: SeparatingPiles, inside: int, x: float = 0.0) -> 
 
 
 def test_the_share_of_blocks_inside_counts(world: SimWorld) -> None:
-    task = world.reset(SEEN, "val", 0)
+    task = reset_scene(world, SEEN, "val", 0)
     assert isinstance(task, SeparatingPiles)
     for inside, score, done in ((50, 1.0, True), (49, 0.98, False), (25, 0.5, False), (0, 0.0, False)):
         put(world, task, inside)
@@ -48,7 +49,7 @@ def test_the_share_of_blocks_inside_counts(world: SimWorld) -> None:
 def test_three_colours_of_the_palette(world: SimWorld, name: str, split: str, palette: tuple[str, ...]) -> None:
     asked = set()
     for seed in range(6):
-        task = world.reset(name, split, seed)
+        task = reset_scene(world, name, split, seed)
         zones, blocks = task.objects[:2], task.objects[2:]
         assert len(blocks) == N_BLOCKS and len({b.color for b in blocks}) == 1
         colors = {zones[0].color, zones[1].color, blocks[0].color}
@@ -61,7 +62,7 @@ def test_three_colours_of_the_palette(world: SimWorld, name: str, split: str, pa
 
 
 def test_sweeping_piles_counts_what_is_drawn(world: SimWorld) -> None:
-    task = world.reset("sweeping-piles", "val", 0)
+    task = reset_scene(world, "sweeping-piles", "val", 0)
     assert task.instruction == "push the pile of blocks into the green square" and len(task.objects) == 1 + N_BLOCKS
     put(world, task, 50, x=0.064)  # type: ignore[arg-type]
     assert task.score() == 1.0
@@ -71,7 +72,7 @@ def test_sweeping_piles_counts_what_is_drawn(world: SimWorld) -> None:
 
 def test_the_expert_sweeps_blocks_into_the_zone(world: SimWorld) -> None:
     for seed in range(4):
-        task = world.reset(SEEN, "val", seed)
+        task = reset_scene(world, SEEN, "val", seed)
         action = task.expert_action()
         assert action is not None and action.primitive is Primitive.SWEEP
         spec = world.config.workspace
@@ -82,10 +83,10 @@ def test_the_expert_sweeps_blocks_into_the_zone(world: SimWorld) -> None:
 
 def test_the_same_seed_is_the_same_pile(world: SimWorld) -> None:
     def where() -> list[list[float]]:
-        return [world.object_pose(o).translation.tolist() for o in world.reset(SEEN, "val", 3).objects]
+        return [world.object_pose(o).translation.tolist() for o in reset_scene(world, SEEN, "val", 3).objects]
 
     first = where()
-    world.reset(SEEN, "val", 4)
+    reset_scene(world, SEEN, "val", 4)
     assert where() == first
 
 

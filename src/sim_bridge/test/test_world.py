@@ -9,17 +9,19 @@ import numpy as np
 import pytest
 
 from sim_bridge.errors import SimulationError
-from sim_bridge.panda import READY_POSITIONS
+from sim_bridge.robot import ROBOT
+from sim_bridge.scene import reset_scene
 from sim_bridge.world import SimConfig, SimWorld
 
 SEEN = "put-blocks-in-bowls-seen-colors"
 DIGEST = """
 import hashlib
+from sim_bridge.scene import reset_scene
 from sim_bridge.world import SimWorld
 world = SimWorld()
 seeds = {seeds}
 for seed in seeds:
-    task = world.reset("put-blocks-in-bowls-seen-colors", "test", seed)
+    task = reset_scene(world, "put-blocks-in-bowls-seen-colors", "test", seed)
 world.panda.command([0.2, -0.6, 0.1, -2.2, 0.0, 1.6, 0.9], [0.0] * 7)
 for _ in range(60):
     world.step()
@@ -48,7 +50,7 @@ def test_same_seed_gives_the_same_states_in_any_process_after_any_history() -> N
 def test_friction_lifts_carries_and_releases(scripted_hand: Callable[[SimWorld], Any]) -> None:
     world = SimWorld()
     for seed in range(2):
-        task = world.reset(SEEN, "test", seed)
+        task = reset_scene(world, SEEN, "test", seed)
         action = task.expert_action()
         assert action is not None
         pick, place = action.pick, action.place
@@ -84,9 +86,9 @@ def test_arm_holds_against_gravity_and_hold_stops_it() -> None:
     world = SimWorld()
     for _ in range(120):
         world.step()
-    np.testing.assert_allclose(world.panda.state().positions, READY_POSITIONS, atol=1e-4)
+    np.testing.assert_allclose(world.panda.state().positions, ROBOT.ready, atol=1e-4)
     assert world.panda.state().width == pytest.approx(0.08, abs=1e-3)
-    world.panda.command(np.array(READY_POSITIONS) + 0.3, np.zeros(7))
+    world.panda.command(ROBOT.ready + 0.3, np.zeros(7))
     for _ in range(5):
         world.step()
     world.panda.hold()
@@ -99,7 +101,7 @@ def test_arm_holds_against_gravity_and_hold_stops_it() -> None:
 
 def test_tcp_at_ready_matches_the_datasheet() -> None:
     world = SimWorld()
-    np.testing.assert_allclose(world.panda.tcp_in_base().translation, panda_tcp(READY_POSITIONS), atol=1e-5)
+    np.testing.assert_allclose(world.panda.tcp_in_base().translation, panda_tcp(ROBOT.ready), atol=1e-5)
     world.close()
 
 

@@ -1,4 +1,7 @@
-"""Random SE(2) transforms of an observation and its labels (seed, section E), and small errors of what is measured."""
+"""Random SE(2) transforms of an observation and its labels, and small errors of what is measured.
+
+See docs/paper.md, "Augmentation".
+"""
 
 from __future__ import annotations
 
@@ -11,27 +14,32 @@ import numpy as np
 from numpy.typing import NDArray
 
 MAX_TRIES = 100
-_HEIGHT_ERROR = 0.002  # m: of the table's height, as a calibration error makes it
+_HEIGHT_ERROR = 0.002  # m, spread of the table's height through calibration errors
 _DIRECTION = re.compile(r"\b(left|right|top|bottom|front|back|near|far)\b")
 
 
 class PlanarTransform(NamedTuple):
-    """A rotation by angle (rad, from columns towards rows: a yaw about +z) and a 2x3 matrix on (col, row) pixels."""
+    """Rigid motion of a picture.
+
+    angle: rad, from columns towards rows: a yaw about +z. matrix: (2, 3), acts on (col, row) pixels.
+    """
 
     angle: float
     matrix: NDArray[np.float64]
 
     @property
     def is_identity(self) -> bool:
+        """True if the transform moves nothing."""
         return bool((self.matrix == np.eye(2, 3)).all())
 
     def pixel(self, pixel: tuple[float, float]) -> tuple[float, float]:
-        """Where (row, col) goes."""
+        """Return the moved position of a pixel (row, col)."""
         col, row = self.matrix @ (pixel[1], pixel[0], 1.0)
         return float(row), float(col)
 
 
 def identity_transform() -> PlanarTransform:
+    """Return the transform that moves nothing."""
     return PlanarTransform(0.0, np.eye(2, 3))
 
 
@@ -42,7 +50,7 @@ def draw_transform(
     translation_sigma_px: float,
     rng: np.random.Generator,
 ) -> PlanarTransform:
-    """A transform about the image's centre that keeps all given (row, col) pixels inside shape (rows, cols).
+    """Draw a transform about the image's centre that keeps all given (row, col) pixels inside shape (rows, cols).
 
     Rotation and translation are normal; drawn again while a pixel leaves, at most 100 times, then the identity.
     """
@@ -61,19 +69,19 @@ def draw_transform(
 
 
 def warp(channels: NDArray[np.float32], transform: PlanarTransform) -> NDArray[np.float32]:
-    """(H, W, C) moved by the transform, bilinear, zero where nothing comes from."""
+    """Move channels (H, W, C) by a transform, bilinear; what enters from outside is zero."""
     size = (channels.shape[1], channels.shape[0])
     out: NDArray[np.float32] = cv2.warpAffine(channels, transform.matrix, size, flags=cv2.INTER_LINEAR)
     return out
 
 
 def names_direction(instruction: str) -> bool:
-    """Whether a sentence speaks of a side of the scene, which a turned picture would make untrue."""
+    """Return True if a sentence names a side of the scene, which turning the picture would falsify."""
     return _DIRECTION.search(instruction.lower()) is not None
 
 
 def jitter_color(color: NDArray[np.uint8], rng: np.random.Generator) -> NDArray[np.uint8]:
-    """Small random gain per channel and brightness, as an exposure or white-balance error makes."""
+    """Apply a small random gain to channels and brightness, as an exposure or white-balance error does."""
     gain = rng.normal(1.0, 0.04) * rng.normal(1.0, 0.02, 3)
     offset = rng.normal(0.0, 5.0)
     table = np.clip(np.arange(256)[:, None] * gain + offset, 0, 255).astype(np.uint8)  # (256, 3)
@@ -82,5 +90,5 @@ def jitter_color(color: NDArray[np.uint8], rng: np.random.Generator) -> NDArray[
 
 
 def jitter_height(height: NDArray[np.float32], rng: np.random.Generator) -> NDArray[np.float32]:
-    """All heights [m] up or down by the same 2 mm or so."""
+    """Shift all heights [m] up or down by the same 2 mm or so."""
     return height + np.float32(rng.normal(0.0, _HEIGHT_ERROR))

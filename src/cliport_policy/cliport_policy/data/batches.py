@@ -11,7 +11,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from cliport_perception.heightmap import Heightmap
+from cliport_core.heightmap import Heightmap
 from cliport_policy.config import TrainConfig
 from cliport_policy.data.augmentation import (
     PlanarTransform,
@@ -30,7 +30,7 @@ from cliport_policy.observation import stack_channels
 
 
 class Sample(NamedTuple):
-    """One augmented training sample; pixels are float (row, col)."""
+    """Augmented training sample; pixels are float (row, col)."""
 
     image: NDArray[np.float32]  # (H, W, 5)
     goal_image: NDArray[np.float32] | None  # (H, W, 5)
@@ -41,11 +41,11 @@ class Sample(NamedTuple):
     pick_yaw_period: float
     place: tuple[float, float]
     rotation: float  # place yaw - pick yaw, rad
-    seed: int  # of what the loss draws for this sample
+    seed: int  # for the loss's random numbers
 
 
 class Batch(NamedTuple):
-    """A batch as the loss takes it. Pixels are float (row, col); angles rad."""
+    """Batch of samples for the loss. Pixels are float (row, col); angles rad."""
 
     images: Tensor  # (B, 5, H, W)
     phrases: list[str]
@@ -55,33 +55,36 @@ class Batch(NamedTuple):
     pick_yaw_period: Tensor  # (B,)
     place: Tensor  # (B, 2)
     rotation: Tensor  # (B,)
-    seeds: Tensor  # (B,) int64: of what the loss draws, sample by sample
+    seeds: Tensor  # (B,) int64, for the loss's random numbers
     goal_images: Tensor | None = None  # (B, 5, H, W)
 
     def to(self, device: torch.device) -> Batch:
-        """The same on a device; the seeds stay, for what is drawn is drawn on the CPU."""
-        moved = {
-            name: value.to(device)
-            for name, value in self._asdict().items()
-            if isinstance(value, Tensor) and name != "seeds"
-        }
+        """Return the batch on a device; the seeds stay on the CPU, on which random numbers are drawn."""
+        moved: dict[str, Tensor] = {}
+        for name, value in self._asdict().items():
+            if isinstance(value, Tensor) and name != "seeds":
+                moved[name] = value.to(device)
         return self._replace(**moved)
 
 
 class Phrasebook:
-    """A fixed number of wordings a goal, drawn once, so that their embeddings can be kept."""
+    """Fixed number of wordings for each goal, drawn once, so that their embeddings can be kept."""
 
     def __init__(self, instructions: Iterable[str], phrases_per_goal: int, rng: np.random.Generator) -> None:
-        self._phrases = {
-            text: sorted({text, *(paraphrase(text, rng) for _ in range(phrases_per_goal))})
-            for text in sorted(set(instructions))
-        }
+        self._phrases: dict[str, list[str]] = {}
+        for text in sorted(set(instructions)):
+            wordings = {text}
+            for _ in range(phrases_per_goal):
+                wordings.add(paraphrase(text, rng))
+            self._phrases[text] = sorted(wordings)
 
     def draw(self, instruction: str, rng: np.random.Generator) -> str:
+        """Return a random wording of an instruction."""
         options = self._phrases[instruction]
         return options[int(rng.integers(len(options)))]
 
     def all_phrases(self) -> list[str]:
+        """Return all wordings of all instructions, sorted."""
         return sorted({phrase for phrases in self._phrases.values() for phrase in phrases})
 
 
@@ -92,7 +95,7 @@ def make_sample(
     config: TrainConfig,
     rng: np.random.Generator,
 ) -> Sample:
-    """One demonstration, reworded, its images jittered alike and (with augment_probability) moved by an SE(2).
+    """Reword one demonstration, jitter its images alike and (with augment_probability) move them by an SE(2).
 
     With a recoloring, recolor_probability of the samples get other colours; rearrange_probability get another
     arrangement, which a goal image would not show.
@@ -130,7 +133,7 @@ def make_sample(
 def _image(
     observation: Heightmap, paints: Repainting | None, transform: PlanarTransform, look: int | None
 ) -> NDArray[np.float32]:
-    """(H, W, 5), painted, moved, and jittered as the seed `look` says."""
+    """Return channels (H, W, 5), painted, moved, and jittered by the seed `look`; None does not jitter."""
     color: NDArray[np.uint8] = observation.color if paints is None else paints.image(observation)
     height: NDArray[np.float32] = observation.height
     if look is not None:
@@ -158,5 +161,5 @@ def collate(samples: Sequence[Sample]) -> Batch:
 
 
 def _stack(images: Sequence[NDArray[np.float32]]) -> Tensor:
-    """(H, W, 5) each -> (B, 5, H, W)."""
+    """Stack images (H, W, 5) to (B, 5, H, W)."""
     return torch.from_numpy(np.stack(images)).permute(0, 3, 1, 2)

@@ -1,4 +1,4 @@
-"""What people call colours: the basic English colour terms and the shades that a survey found under each.
+"""Basic English colour terms, and the shades that a survey found under each.
 
 The shades are those of the xkcd colour survey (2010, 200,000 people), as Matplotlib ships them: "dusty purple" and
 "eggplant purple" are purples, "eggplant" alone is left out.
@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 # Berlin and Kay (1969), and cyan, which the paper's tasks name.
 BASIC_TERMS = (
-    *("black", "white", "red", "green", "yellow", "blue"),
-    *("brown", "orange", "pink", "purple", "gray", "cyan"),
-)
+    "black", "white", "red", "green", "yellow", "blue",
+    "brown", "orange", "pink", "purple", "gray", "cyan",
+)  # fmt: skip
 _SPELLINGS = {"grey": "gray", **{term: term for term in BASIC_TERMS}}
 _WORD = re.compile(rf"\b({'|'.join(_SPELLINGS)})\b", re.IGNORECASE)
 # A shadow changes a colour's lightness more than its hue.
@@ -26,12 +26,12 @@ _WEIGHTS = np.array((0.4, 1.0, 1.0), np.float32)
 
 
 def terms_in(sentence: str) -> list[str]:
-    """The basic terms in a sentence, each once, in the order of their first mention."""
+    """Return the basic terms in a sentence, each once, in the order of their first mention."""
     return list(dict.fromkeys(_SPELLINGS[word.lower()] for word in _WORD.findall(sentence)))
 
 
 def rename(sentence: str, terms: Mapping[str, str]) -> str:
-    """The sentence with each of its basic terms replaced by another, as far as one is given."""
+    """Replace the basic terms of a sentence that `terms` maps to another."""
 
     def other(match: re.Match[str]) -> str:
         term = _SPELLINGS[match[0].lower()]
@@ -41,20 +41,23 @@ def rename(sentence: str, terms: Mapping[str, str]) -> str:
 
 
 def lab(colors: NDArray[np.uint8] | NDArray[np.float32]) -> NDArray[np.float32]:
-    """RGB 0..255 (N, 3) -> CIELAB (N, 3)."""
+    """Convert RGB 0..255 (N, 3) to CIELAB (N, 3)."""
     unit = np.asarray(colors, np.float32).reshape(1, -1, 3) / np.float32(255)
     out: NDArray[np.float32] = cv2.cvtColor(unit, cv2.COLOR_RGB2LAB)[0]
     return out
 
 
 def rgb(colors: NDArray[np.float32]) -> NDArray[np.uint8]:
-    """CIELAB (N, 3) -> the nearest RGB 0..255 (N, 3) that there is."""
+    """Convert CIELAB (N, 3) to the nearest RGB 0..255 (N, 3)."""
     unit = cv2.cvtColor(np.asarray(colors, np.float32).reshape(1, -1, 3), cv2.COLOR_LAB2RGB)[0]
     return np.rint(255 * np.clip(unit, 0, 1)).astype(np.uint8)
 
 
 def distance(colors: NDArray[np.float32], shades: NDArray[np.float32]) -> NDArray[np.float32]:
-    """CIELAB (N, 3) and (M, 3) -> (N,): how far each colour is from the nearest shade, lightness counting less."""
+    """Return each colour's distance from the nearest shade (N,), of CIELAB (N, 3) and (M, 3).
+
+    Lightness counts less than hue.
+    """
     a, b = colors * _WEIGHTS, shades * _WEIGHTS
     squared = np.square(b).sum(1) - 2 * (a @ b.T)  # (N, M), less the colours' own squares
     out: NDArray[np.float32] = np.sqrt(np.maximum(squared.min(1) + np.square(a).sum(1), 0))
@@ -63,7 +66,7 @@ def distance(colors: NDArray[np.float32], shades: NDArray[np.float32]) -> NDArra
 
 @lru_cache(maxsize=1)
 def surveyed_shades() -> dict[str, NDArray[np.float32]]:
-    """CIELAB (M, 3) of each basic term's shades."""
+    """Return each basic term's shades, CIELAB (M, 3)."""
     from matplotlib.colors import XKCD_COLORS, to_rgb
 
     found: dict[str, list[tuple[float, float, float]]] = {term: [] for term in BASIC_TERMS}

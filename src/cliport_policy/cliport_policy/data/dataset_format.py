@@ -1,4 +1,4 @@
-"""The data set on disk: meta.json beside part-NNNNN.parquet files, a row an observation, images as PNG."""
+"""Data set on disk: meta.json beside part-NNNNN.parquet files, a row for each observation, images as PNG."""
 
 from __future__ import annotations
 
@@ -9,21 +9,23 @@ from typing import Any
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from cliport_perception.heightmap import Heightmap
-from cliport_perception.pose import PlanarPose
-from cliport_perception.primitive import Primitive
-from cliport_perception.workspace import WorkspaceSpec
+from cliport_core.action import Primitive
+from cliport_core.errors import ImageError
+from cliport_core.heightmap import Heightmap
+from cliport_core.image_files import decode_color_file, decode_gray_file, encode_png
+from cliport_core.pose import PlanarPose
+from cliport_core.workspace import WorkspaceSpec
 from cliport_policy.errors import DataError
 
 FORMAT_VERSION = 2
-# What is finer than this is the sensor's noise, and half of a file's size.
-HEIGHT_UNIT = 5e-4  # of a step of height_png, which counts from the workspace's z_min [m]
+# Step of height_png [m], which counts from the workspace's z_min. Finer steps would store the sensor's noise and double
+# the size of files.
+HEIGHT_UNIT = 5e-4
 _COLOR_BITS = 0xFE
-# What makes noisy images smallest, of PNG's filters and zlib's strategies.
+# PNG filter and zlib strategy that make noisy images smallest.
 _PNG = [cv2.IMWRITE_PNG_COMPRESSION, 6, cv2.IMWRITE_PNG_FILTER, cv2.IMWRITE_PNG_FILTER_SUB, cv2.IMWRITE_PNG_STRATEGY]
 _COLOR_PNG = [*_PNG, cv2.IMWRITE_PNG_STRATEGY_RLE]
 _HEIGHT_PNG = [*_PNG, cv2.IMWRITE_PNG_STRATEGY_FILTERED]
@@ -60,7 +62,7 @@ SCHEMA = pa.schema(
 
 @dataclass(frozen=True)
 class Demo:
-    """What an expert does in one observation for one goal; yaws in rad, pixels -1 when `done`.
+    """Expert's action in one observation for one goal; yaws in rad, pixels -1 when `done`.
 
     primitive: pick_place, sweep or fold.
     """
@@ -86,22 +88,30 @@ class Demo:
         place: PlanarPose,
         workspace: WorkspaceSpec,
     ) -> Demo:
-        """An action on the workspace's heightmap. Raises PixelOutsideError."""
+        """Make the demonstration of an action on the workspace's heightmap.
+
+        Raises:
+            PixelOutsideError: if the pick or the place lies outside the workspace.
+        """
+        pick_row, pick_col = workspace.xy_to_pixel(pick.x, pick.y)
+        place_row, place_col = workspace.xy_to_pixel(place.x, place.y)
         return cls(
-            instruction,
-            False,
-            primitive.name.lower(),
-            *workspace.xy_to_pixel(pick.x, pick.y),
-            pick.yaw,
-            pick_yaw_period,
-            *workspace.xy_to_pixel(place.x, place.y),
-            place.yaw,
+            instruction=instruction,
+            done=False,
+            primitive=primitive.label,
+            pick_row=pick_row,
+            pick_col=pick_col,
+            pick_yaw=pick.yaw,
+            pick_yaw_period=pick_yaw_period,
+            place_row=place_row,
+            place_col=place_col,
+            place_yaw=place.yaw,
         )
 
 
 @dataclass(frozen=True, eq=False)
 class Row:
-    """One observation; demos[0] is the episode's own goal."""
+    """One observation and its demonstrations; demos[0] is for the episode's own goal."""
 
     task: str
     split: str
@@ -113,12 +123,16 @@ class Row:
 
 
 def part_path(folder: Path, index: int) -> Path:
-    """The file of a part."""
+    """Return the path of a part."""
     return folder / f"part-{index:05d}.parquet"
 
 
 def write_part(path: Path, rows: list[Row]) -> None:
-    """Write rows under a temporary name, then move them into place, so that a part is whole or absent."""
+    """Write rows under a temporary name, then move them into place, so that a part is whole or absent.
+
+    Raises:
+        DataError: if it can't be written.
+    """
     columns: dict[str, list[Any]] = {name: [] for name in SCHEMA.names}
     for row in rows:
         color, height, valid = encode_heightmap(row.heightmap)
@@ -137,61 +151,56 @@ def write_part(path: Path, rows: list[Row]) -> None:
 
 
 def read_part(path: Path, workspace: WorkspaceSpec) -> list[Row]:
-    """The rows of a part.
+    """Read the rows of a part.
 
     Raises:
-        DataError: when the file is absent or not a part.
+        DataError: if the file is absent or not a part.
     """
     try:
         records = pq.read_table(path, schema=SCHEMA).to_pylist()
     except (OSError, pa.ArrowException) as error:
         reason = str(error).splitlines()[0]
         raise DataError(f"cannot read {path}: {reason}; generate it again") from error
-    return [
-        Row(
-            r["task"],
-            r["split"],
-            r["seed"],
-            r["episode"],
-            r["step"],
-            decode_heightmap(r["color_png"], r["height_png"], r["valid_png"], workspace),
-            tuple(Demo(**d) for d in r["demos"]),
+    rows: list[Row] = []
+    for record in records:
+        heightmap = decode_heightmap(record["color_png"], record["height_png"], record["valid_png"], workspace)
+        demos = tuple(Demo(**values) for values in record["demos"])
+        rows.append(
+            Row(
+                task=record["task"],
+                split=record["split"],
+                seed=record["seed"],
+                episode=record["episode"],
+                step=record["step"],
+                heightmap=heightmap,
+                demos=demos,
+            )
         )
-        for r in records
-    ]
+    return rows
 
 
 def encode_heightmap(heightmap: Heightmap) -> tuple[bytes, bytes, bytes]:
-    """PNGs of colour (RGB, 7 bits a channel), of height (16 bit, HEIGHT_UNIT above z_min) and of validity (1 bit)."""
+    """Return PNGs of colour (RGB, 7 bits a channel), height (16 bit, HEIGHT_UNIT above z_min) and validity (1 bit)."""
     steps = np.rint((heightmap.height - heightmap.workspace.z_min) / HEIGHT_UNIT)
     height = np.clip(steps, 0, 65535).astype(np.uint16)
     valid = heightmap.valid.astype(np.uint8) * 255
     return (
-        _png(cv2.cvtColor(heightmap.color & _COLOR_BITS, cv2.COLOR_RGB2BGR), _COLOR_PNG),
-        _png(height, _HEIGHT_PNG),
-        _png(valid, [cv2.IMWRITE_PNG_COMPRESSION, 9, cv2.IMWRITE_PNG_BILEVEL, 1]),
+        encode_png(heightmap.color & np.uint8(_COLOR_BITS), _COLOR_PNG),
+        encode_png(height, _HEIGHT_PNG),
+        encode_png(valid, [cv2.IMWRITE_PNG_COMPRESSION, 9, cv2.IMWRITE_PNG_BILEVEL, 1]),
     )
 
 
 def decode_heightmap(color: bytes, height: bytes, valid: bytes, workspace: WorkspaceSpec) -> Heightmap:
-    """The inverse of `encode_heightmap`, heights to within half a HEIGHT_UNIT, colours to within 1."""
-    rgb = cv2.cvtColor(_image(color, cv2.IMREAD_COLOR), cv2.COLOR_BGR2RGB)
-    mask = _image(valid, cv2.IMREAD_GRAYSCALE) > 0
-    metres = _image(height, cv2.IMREAD_UNCHANGED).astype(np.float32) * np.float32(HEIGHT_UNIT)
+    """Invert `encode_heightmap`, heights to within half a HEIGHT_UNIT, colours to within 1.
+
+    Raises:
+        DataError: when an image is damaged.
+    """
+    try:
+        rgb, mask = decode_color_file(color), decode_gray_file(valid) > 0
+        metres = decode_gray_file(height).astype(np.float32) * np.float32(HEIGHT_UNIT)
+    except ImageError as error:
+        raise DataError(f"an image in the data set is no readable PNG ({error}); generate that part again") from None
     metres = np.where(mask, metres + np.float32(workspace.z_min), np.float32(0.0)).astype(np.float32)
-    return Heightmap(rgb.astype(np.uint8), metres, mask, workspace)
-
-
-def _png(image: npt.NDArray[Any], options: list[int]) -> bytes:
-    done, data = cv2.imencode(".png", image, options)
-    if not done:
-        raise DataError("an image could not be encoded as PNG")
-    return bytes(data)
-
-
-def _image(data: bytes, flags: int) -> npt.NDArray[Any]:
-    image = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), flags)
-    if image is None:
-        raise DataError("an image in the data set is no readable PNG; generate that part again")
-    result: npt.NDArray[Any] = image
-    return result
+    return Heightmap(rgb, metres, mask, workspace)

@@ -10,14 +10,15 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import cv2
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
-from numpy.typing import NDArray
 
-from cliport_perception.heightmap import Heightmap
-from cliport_perception.workspace import WorkspaceSpec
+from cliport_core.action import Primitive
+from cliport_core.errors import ImageError
+from cliport_core.heightmap import Heightmap
+from cliport_core.image_files import decode_color_file, decode_gray_file
+from cliport_core.workspace import WorkspaceSpec
 from cliport_policy.data.encoded_rows import IMAGES, EncodedRows, Place
 from cliport_policy.errors import DataError
 
@@ -28,7 +29,7 @@ CACHE_BYTES = 4 << 30  # of encoded observations in memory: about 40,000
 
 @dataclass(frozen=True)
 class Demonstration:
-    """What the expert did for one instruction in one observation; done: nothing remains, and no poses are given.
+    """The expert's action for one instruction in one observation; done: nothing remains, and no poses are given.
 
     Pixels are (row, col); yaws are rad about +z; the picked object looks the same every pick_yaw_period rad.
     """
@@ -40,11 +41,12 @@ class Demonstration:
     pick_yaw_period: float
     place_pixel: tuple[int, int]
     place_yaw: float
+    primitive: Primitive = Primitive.PICK_PLACE
 
 
 @dataclass(frozen=True)
 class Frame:
-    """Where one observation lies, and the demonstrations given in it (the first is the episode's own)."""
+    """One observation's place on disk, and the demonstrations given in it (the first is the episode's own)."""
 
     place: Place
     demos: tuple[Demonstration, ...]
@@ -54,7 +56,7 @@ class Frame:
 
 
 class Index(NamedTuple):
-    """Of a demonstration in a set."""
+    """Indices of a demonstration in a set: its frame, and its number there."""
 
     frame: int
     demo: int
@@ -74,32 +76,35 @@ class DemonstrationSet:
         """Decode a frame; heights are 0 where nothing was seen. Raises DataError where an image is damaged."""
         encoded = self.rows.read(frame.place)
         try:
-            color = cv2.cvtColor(_decode(encoded[0], cv2.IMREAD_COLOR), cv2.COLOR_BGR2RGB)
-            units = _decode(encoded[1], cv2.IMREAD_UNCHANGED).astype(np.float32)
-            valid = _decode(encoded[2], cv2.IMREAD_UNCHANGED) > 0
+            color, valid = decode_color_file(encoded[0]), decode_gray_file(encoded[2]) > 0
+            units = decode_gray_file(encoded[1]).astype(np.float32)
             units *= np.float32(self.meta.get("height_unit", HEIGHT_UNIT))
             height = np.where(valid, units + np.float32(self.workspace.z_min), np.float32(0))
             if {color.shape[:2], height.shape, valid.shape} != {self.workspace.shape}:
                 raise ValueError(f"an image is not of the workspace's shape {self.workspace.shape}")
-        except (ValueError, cv2.error) as error:
+        except (ValueError, ImageError) as error:
             raise DataError(
                 f"episode {frame.episode}, step {frame.step} of {self.folder} can't be decoded "
                 f"({' '.join(str(error).split())[:120]}): delete its part and run generate again"
             ) from None
-        return Heightmap(color.astype(np.uint8), height, valid, self.workspace, 0)
+        return Heightmap(color, height, valid, self.workspace, 0)
 
     def samples(self) -> list[Index]:
-        """All demonstrations."""
-        return [Index(i, j) for i, frame in enumerate(self.frames) for j in range(len(frame.demos))]
+        """Return the indices of all demonstrations."""
+        indices: list[Index] = []
+        for i, frame in enumerate(self.frames):
+            indices += [Index(i, j) for j in range(len(frame.demos))]
+        return indices
 
     def demo(self, index: Index) -> Demonstration:
+        """Return the demonstration of an index."""
         return self.frames[index.frame].demos[index.demo]
 
     def goal_frames(self) -> dict[int, int]:
-        """Which frame shows what a frame's own demonstration leads to, by frame number (spec, section 9.6).
+        """Return, by frame number, the frame that a frame's own demonstration leads to (paper, appendix F).
 
-        The next observation for a task in steps ("-seq"), the episode's last one for others; absent where the
-        episode has no observation of its finished scene.
+        The next observation for a task with a sentence a step (meta's `stepwise`), the episode's last one for others;
+        absent where the episode has no observation of its finished scene.
         """
         goals: dict[int, int] = {}
         last = len(self.frames) - 1
@@ -109,11 +114,15 @@ class DemonstrationSet:
                 last = i
             if not self.frames[last].demos[0].done:
                 continue
-            goals[i] = min(i + 1, last) if "-seq" in frame.task else last
+            goals[i] = min(i + 1, last) if self._is_stepwise(frame) else last
         return goals
 
+    def _is_stepwise(self, frame: Frame) -> bool:
+        """Return True if each sentence of the frame's task asks for one action; older sets say so by its name."""
+        return bool(self.meta.get("stepwise", "-seq" in frame.task))
+
     def first_episodes(self, count: int) -> DemonstrationSet:
-        """The first `count` episodes of each task, whole.
+        """Return the first `count` episodes of each task, whole.
 
         Raises DataError where a task has fewer.
         """
@@ -145,7 +154,9 @@ def load_demonstrations(folder: str | Path, cache_bytes: int = CACHE_BYTES) -> D
     except Exception as error:
         raise DataError(f"{folder}/meta.json holds no usable workspace ({error}): generate it again") from error
     parts = sorted(folder.glob("part-*.parquet"))
-    frames = [frame for number, part in enumerate(parts) for frame in _read_part(part, number, meta.get("task", ""))]
+    frames: list[Frame] = []
+    for number, part in enumerate(parts):
+        frames += _read_part(part, number, meta.get("task", ""))
     if not frames:
         raise DataError(f"{folder} holds no demonstrations: generate some first (cliport_benchmark generate)")
     frames.sort(key=lambda frame: (frame.task, frame.episode, frame.step))
@@ -187,7 +198,7 @@ def _read_meta(folder: Path) -> dict[str, Any]:
 
 
 def _read_part(path: Path, number: int, task: str) -> Iterator[Frame]:
-    """The frames of a part without their images."""
+    """Yield the frames of a part without their images."""
     try:
         with pq.ParquetFile(path) as file:
             names = file.schema_arrow.names
@@ -219,11 +230,5 @@ def _demonstration(demo: dict[str, Any]) -> Demonstration:
         pick_yaw_period=demo["pick_yaw_period"],
         place_pixel=(demo["place_row"], demo["place_col"]),
         place_yaw=demo["place_yaw"],
+        primitive=Primitive.from_label(demo.get("primitive", Primitive.PICK_PLACE.label)),  # version 1 does not say
     )
-
-
-def _decode(data: Any, flags: int) -> NDArray[Any]:
-    image = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
-    if image is None:
-        raise ValueError("an image is damaged")
-    return image

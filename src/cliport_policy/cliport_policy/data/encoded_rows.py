@@ -17,7 +17,7 @@ IMAGES = ("color_png", "height_png", "valid_png")
 
 
 class Place(NamedTuple):
-    """Where a row lies: number of the part, row group within it, row within that."""
+    """Position of a row: number of the part, row group within it, row within that."""
 
     part: int
     group: int
@@ -25,7 +25,10 @@ class Place(NamedTuple):
 
 
 class EncodedRows:
-    """Rows of Parquet parts at random. Threads may read at once; what was used least recently is forgotten first."""
+    """Random access to the rows of Parquet parts, with a cache.
+
+    Threads may read at once; what was used least recently is forgotten first.
+    """
 
     def __init__(self, parts: Sequence[Path], cache_bytes: int) -> None:
         self._parts, self._limit = list(parts), cache_bytes
@@ -35,11 +38,15 @@ class EncodedRows:
 
     @property
     def cached_bytes(self) -> int:
-        """What is in memory."""
+        """Size of the cache's content."""
         return self._bytes
 
     def read(self, place: Place) -> tuple[Any, ...]:
-        """The row's IMAGES as buffers of PNG. Raises DataError, naming the file, where it can't be read."""
+        """Return a row's IMAGES as buffers of PNG.
+
+        Raises:
+            DataError: naming the file, if it can't be read.
+        """
         table = self._group(place.part, place.group)
         return tuple(table.column(name)[place.row].as_buffer() for name in IMAGES)
 

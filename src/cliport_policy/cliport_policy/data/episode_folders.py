@@ -1,4 +1,4 @@
-"""Folders that someone names: data sets of episodes, single episodes, or bags that are neither."""
+"""Folders named by people: data sets of episodes, single episodes, or bags that are neither."""
 
 from __future__ import annotations
 
@@ -12,9 +12,12 @@ from cliport_policy.errors import DataError
 
 
 def episodes_in(folder: Path) -> list[Path]:
-    """The episodes of a data set in the order of their names, or the one that the folder is; empty for other folders.
+    """Return the episodes of a data set in the order of their names, or the one that the folder is.
 
-    Raises DataError where a data set is empty.
+    The list is empty for any other folder.
+
+    Raises:
+        DataError: if a data set is empty.
     """
     if (folder / DATA_SET_FILE).is_file():
         names = sorted(info.name for info in DataSet.open(folder).episodes())
@@ -25,9 +28,10 @@ def episodes_in(folder: Path) -> list[Path]:
 
 
 def find_episodes(folders: Sequence[Path]) -> list[Path]:
-    """All episodes of data sets and single ones.
+    """Return all episodes of data sets and single episodes.
 
-    Raises DataError where a folder is neither, or an episode is there twice.
+    Raises:
+        DataError: if a folder is neither, or an episode is there twice.
     """
     by_name: dict[str, Path] = {}
     for folder in folders:

@@ -13,30 +13,28 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from cliport_core.errors import PixelOutsideError
+from cliport_core.workspace import WorkspaceSpec
 from cliport_episodes.capture_setup import CaptureSetup
 from cliport_episodes.demonstration import StepRecord
 from cliport_episodes.reader import Episode, Step, read_episode
-from cliport_perception.errors import PixelOutsideError
-from cliport_perception.primitive import Outcome
-from cliport_perception.workspace import WorkspaceSpec
 from cliport_policy.data.dataset_format import FORMAT_VERSION, HEIGHT_UNIT, META_NAME, Demo, Row, part_path, write_part
 from cliport_policy.errors import DataError
 
 TASK = "demonstrations"
 JAWS_PERIOD = math.pi  # a gripper turned by half a turn holds a thing the same way [rad]
 EPISODES_PER_PART = 50
-_USED = {Outcome.SUCCEEDED, Outcome.PLANNED}
 
 
 @dataclass(frozen=True)
 class Selection:
-    """Which episodes are used: those marked as successes always, others as said here."""
+    """A choice of episodes: those marked as successes always, others as said here."""
 
     unmarked: bool = True
     failed: bool = False
 
     def refusal(self, success: bool | None) -> str:
-        """Why an episode is left out; "" where it is not."""
+        """Return why an episode is left out; "" where it is not."""
         if success is None and not self.unmarked:
             return "not marked as a success"
         return "marked as a failure" if success is False and not self.failed else ""
@@ -44,7 +42,7 @@ class Selection:
 
 @dataclass
 class Tally:
-    """What was used, and what was left out for which reason."""
+    """Counts of what was used, and of what was left out for which reason."""
 
     episodes: int = 0
     steps: int = 0
@@ -54,7 +52,7 @@ class Tally:
     complaints: list[str] = field(default_factory=list)
 
     def to_dict(self) -> dict[str, Any]:
-        """For meta.json."""
+        """Return the counts as meta.json has them."""
         return {
             "episodes": self.episodes,
             "steps": self.steps,
@@ -110,7 +108,7 @@ class _First:
         self.workspace = WorkspaceSpec()
 
     def check(self, episode: Episode, workspace: WorkspaceSpec | None) -> WorkspaceSpec:
-        """The workspace of the data set. Raises DataError, in words, where an episode's set-up is another."""
+        """Return the workspace of the data set. Raises DataError, in words, where an episode's set-up is another."""
         if self.setup is None:
             self.setup, self.path = episode.setup, episode.path
             self.workspace = workspace or episode.setup.workspace
@@ -129,18 +127,21 @@ def _rows_of(episode: Episode, number: int, selection: Selection, workspace: Wor
     if refusal:
         tally.episodes_left_out[refusal] += 1
         return []
-    used = [(step, demo) for step in episode.steps if (demo := _demo_or_count(step, workspace, tally)) is not None]
-    if not used:
+    rows: list[Row] = []
+    for step in episode.steps:
+        demo = _demo_or_count(step, workspace, tally)
+        if demo is not None:
+            rows.append(_row(number, len(rows), step.observation(), (demo,), workspace))
+    if not rows:
         tally.episodes_left_out["no step to learn from"] += 1
         return []
-    rows = [_row(number, i, step.observation(), (demo,), workspace) for i, (step, demo) in enumerate(used)]
+    tally.steps += len(rows)
     if episode.final is not None and episode.success:
         last = episode.steps[-1].record
-        done = Demo(last.instruction, done=True, primitive=last.primitive.name.lower())
-        rows.append(_row(number, len(used), episode.final, (done,), workspace))
+        done = Demo(last.instruction, done=True, primitive=last.action.primitive.label)
+        rows.append(_row(number, len(rows), episode.final, (done,), workspace))
         tally.finished += 1
     tally.episodes += 1
-    tally.steps += len(used)
     return rows
 
 
@@ -149,10 +150,10 @@ def _row(number: int, step: int, observation: Any, demos: tuple[Demo, ...], work
 
 
 def _demo_or_count(step: Step, workspace: WorkspaceSpec, tally: Tally) -> Demo | None:
-    """What a step teaches; None, and counted, where it failed or lies outside the workspace."""
+    """Return what a step teaches; None, and counted, where it failed or lies outside the workspace."""
     record = step.record
-    if record.executed and record.outcome not in _USED:
-        tally.steps_left_out[_outcome_words(record.outcome)] += 1
+    if record.result is not None and not record.result.outcome.is_success:
+        tally.steps_left_out[record.result.outcome.label] += 1
         return None
     try:
         return demo_of(record, workspace)
@@ -162,15 +163,9 @@ def _demo_or_count(step: Step, workspace: WorkspaceSpec, tally: Tally) -> Demo |
 
 
 def demo_of(record: StepRecord, workspace: WorkspaceSpec) -> Demo:
-    """A step as a label on the heightmap. Raises PixelOutsideError."""
-    return Demo.of_action(record.instruction, record.primitive, record.pick, JAWS_PERIOD, record.place, workspace)
-
-
-def _outcome_words(outcome: int) -> str:
-    try:
-        return Outcome(outcome).name.lower().replace("_", " ")
-    except ValueError:
-        return f"outcome {outcome}"
+    """Return a step as a label on the heightmap. Raises PixelOutsideError."""
+    action = record.action
+    return Demo.of_action(record.instruction, action.primitive, action.pick, JAWS_PERIOD, action.place, workspace)
 
 
 def _reasons(tally: Tally) -> str:
@@ -195,7 +190,7 @@ def _write_meta(folder: Path, first: _First, names: list[str], tally: Tally) -> 
 
 @contextmanager
 def _whole_folder(out: Path) -> Iterator[Path]:
-    """A temporary folder beside `out` that takes its place when all went well. Raises DataError where it can't."""
+    """Yield a temporary folder beside `out` that takes its place when all went well. Raises DataError if not."""
     temporary = out.with_name(f".{out.name}.{os.getpid()}.tmp")
     try:
         temporary.mkdir(parents=True)

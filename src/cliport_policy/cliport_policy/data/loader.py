@@ -21,7 +21,10 @@ THREADS = min(8, os.cpu_count() or 1)
 
 
 class StepBatches(NamedTuple):
-    """What one process handles in one step. samples, actions: how many the step has in all processes together."""
+    """Share of one process in one step.
+
+    samples, actions: numbers of the whole step in all processes together.
+    """
 
     parts: list[Batch]
     samples: int
@@ -29,7 +32,10 @@ class StepBatches(NamedTuple):
 
 
 class Loader:
-    """Endless steps of a mixture. Step i is the same whenever and by whomever it is drawn, so training can resume."""
+    """Endless steps of a mixture.
+
+    Step i is the same whenever and in whichever process it is drawn, so training can resume.
+    """
 
     def __init__(
         self,
@@ -40,13 +46,18 @@ class Loader:
         rank: int = 0,
         world_size: int = 1,
     ) -> None:
-        """rank, world_size: which of how many equal shares of each step to make."""
+        """Prepare to make share `rank` of the `world_size` equal shares of each step."""
         self._mixture, self._phrasebook, self._recoloring, self._config = mixture, phrasebook, recoloring, config
         self._rank, self._world_size = rank, world_size
 
     def steps(self, first: int, threads: int = THREADS) -> Generator[StepBatches]:
-        """Steps from `first` on, one a thread made ahead; without threads each is made when it is asked for, which is
-        quicker where the training itself has all cores. Raises DataError where an observation can't be read."""
+        """Yield steps from `first` on, one made ahead by each thread.
+
+        Without threads each is made on demand, which is quicker if the training itself uses all cores.
+
+        Raises:
+            DataError: if an observation can't be read.
+        """
         if not threads:
             yield from map(self.step, itertools.count(first))
             return
@@ -64,7 +75,7 @@ class Loader:
                     future.cancel()
 
     def step(self, number: int) -> StepBatches:
-        """This process's share of a step, in as many parts as gradients are accumulated over."""
+        """Return this process's share of a step, in as many parts as gradients are accumulated over."""
         config = self._config
         chosen = self._mixture.draw(config.batch_size, np.random.default_rng((config.seed, number)))
         parts = np.array_split(np.arange(config.batch_size), self._world_size * config.accumulate)

@@ -1,9 +1,9 @@
-"""Data sets mixed by weight: which demonstrations a training draws, and how often.
+"""Data sets mixed by weight: the choice of demonstrations that a training draws, and how often.
 
-The paper's mixtures are weights (spec, section 9.5). Multi: one data set a task, all of weight 1. Multi-attr, with a
-held-out task X of which only the seen split is given: X at the sum of the others' weights, so that every other sample
-is X's; each of the others' `full` splits at 1. An episode is drawn with its own task, so n demonstrations of each
-task are n, which the published code's shared index list made up to ten times as many.
+The paper's mixtures are weights (docs/paper.md, "Mixtures of tasks"). Multi: one data set a task, all of weight 1.
+Multi-attr, with a held-out task X of which only the seen split is given: X at the sum of the others' weights, so that
+every other sample is X's; each of the others' `full` splits at 1. An episode is drawn with its own task, so n
+demonstrations of each task are n, which the published code's shared index list made up to ten times as many.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cliport_perception.workspace import WorkspaceSpec
+from cliport_core.workspace import WorkspaceSpec
 from cliport_policy.data.demonstrations import Demonstration, DemonstrationSet, Frame, Index
 from cliport_policy.errors import DataError
 
 
 @dataclass(frozen=True)
 class Source:
-    """A data set and how often it is drawn from, relative to the others."""
+    """Data set and its weight, relative to the others'."""
 
     data: DemonstrationSet
     weight: float = 1.0
@@ -34,7 +34,10 @@ class Source:
 
 
 class Drawn(NamedTuple):
-    """One demonstration of a mixture. goal: the frame that shows its end, where that is asked for and known."""
+    """One demonstration of a mixture.
+
+    goal: the frame that shows the finished scene, if it was asked for and is known.
+    """
 
     data: DemonstrationSet
     frame: Frame
@@ -43,28 +46,33 @@ class Drawn(NamedTuple):
 
 
 class Mixture:
-    """The demonstrations of several data sets in one workspace.
+    """Demonstrations of several data sets in one workspace.
 
-    A data set is drawn by its weight, in it a finished scene with probability done_share (where it has both kinds),
-    and of these any one demonstration is as likely as another. With goals, only what has an image of its goal is
-    drawn, and it comes with it.
+    A data set is drawn by its weight, in it a finished scene with probability done_share (if it has both kinds),
+    and of these any one demonstration is as likely as another. With goals, only demonstrations with an image of the
+    finished scene are drawn, together with it.
     """
 
     def __init__(self, sources: Sequence[Source], done_share: float = 0.15, with_goals: bool = False) -> None:
-        """Raises DataError where workspaces differ, or a data set has nothing to draw."""
+        """Index the demonstrations.
+
+        Raises:
+            DataError: if workspaces differ, or a data set has nothing to draw.
+        """
         self.sources = list(sources)
         _check_workspaces([source.data for source in self.sources])
         self._goals = [source.data.goal_frames() if with_goals else None for source in self.sources]
         self._samples: list[tuple[int, Index]] = []
         weights = []
         for number, source in enumerate(self.sources):
-            samples = self._drawable(number)
-            weights.append(source.weight * _shares(source.data, samples, done_share))
+            samples = self._drawable_samples(number)
+            weights.append(source.weight * _probabilities(source.data, samples, done_share))
             self._samples += [(number, sample) for sample in samples]
         self._cumulative = np.cumsum(np.concatenate(weights))
 
     @property
     def workspace(self) -> WorkspaceSpec:
+        """Workspace of all data sets."""
         return self.sources[0].data.workspace
 
     def __len__(self) -> int:
@@ -77,14 +85,14 @@ class Mixture:
         return Drawn(data, data.frames[frame], data.frames[frame].demos[demo], goal)
 
     def draw(self, count: int, rng: np.random.Generator) -> NDArray[np.intp]:
-        """Indices of `count` demonstrations, with replacement."""
+        """Draw indices of `count` demonstrations, with replacement."""
         return np.searchsorted(self._cumulative, rng.random(count) * self._cumulative[-1], side="right")
 
     def instructions(self) -> list[str]:
-        """Each sentence once, sorted."""
+        """Return each sentence once, sorted."""
         return sorted({self.sources[i].data.demo(sample).instruction for i, sample in self._samples})
 
-    def _drawable(self, number: int) -> list[Index]:
+    def _drawable_samples(self, number: int) -> list[Index]:
         data, goals = self.sources[number].data, self._goals[number]
         if goals is None:
             return data.samples()
@@ -103,7 +111,7 @@ def _check_workspaces(sets: Sequence[DemonstrationSet]) -> None:
 
 
 def check_same_workspace(a: DemonstrationSet, b: DemonstrationSet) -> None:
-    """Raises DataError, naming what differs, where two data sets were not made in one workspace."""
+    """Raise DataError, naming what differs, if two data sets were not made in one workspace."""
     mine, theirs = a.workspace.to_dict(), b.workspace.to_dict()
     differing = [f"{name} {mine[name]} and {theirs[name]}" for name in mine if mine[name] != theirs[name]]
     if differing:
@@ -112,8 +120,8 @@ def check_same_workspace(a: DemonstrationSet, b: DemonstrationSet) -> None:
         )
 
 
-def _shares(data: DemonstrationSet, samples: Sequence[Index], done_share: float) -> NDArray[np.float64]:
-    """How likely each sample is; they sum to 1."""
+def _probabilities(data: DemonstrationSet, samples: Sequence[Index], done_share: float) -> NDArray[np.float64]:
+    """Return each sample's probability; they sum to 1."""
     done = np.array([data.demo(sample).done for sample in samples])
     if done_share == 0 and done.all():
         raise DataError(f"{data.folder} shows no action: generate it again")

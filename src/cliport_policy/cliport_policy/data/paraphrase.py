@@ -1,6 +1,6 @@
 """Other ways to say a canonical instruction, for training: a network that met one wording only knows one wording.
 
-The grammar is compositional: a frame holds what goes where, and its parts (verb, quantifier, noun, colour phrase,
+The grammar is compositional: a frame orders the sentence, and its parts (verb, quantifier, noun, colour phrase,
 politeness) are drawn on their own. The evaluation's phrasings are written apart from it and must not be added here.
 """
 
@@ -17,9 +17,9 @@ T = TypeVar("T")
 _CANONICAL = re.compile(r"^put the (?P<block>[a-z]+) blocks? in (?:a|the) (?P<bowl>[a-z]+) bowls?$")
 
 _VERBS = (
-    *("put", "place", "move", "drop", "set", "lay", "transfer", "bring", "carry", "deposit", "stick", "stash"),
-    *("relocate", "pick up and put", "grab and place", "take", "pick and place", "get", "sort"),
-)
+    "put", "place", "move", "drop", "set", "lay", "transfer", "bring", "carry", "deposit", "stick", "stash",
+    "relocate", "pick up and put", "grab and place", "take", "pick and place", "get", "sort",
+)  # fmt: skip
 _BLOCKS = (
     ("block", "blocks"),
     ("cube", "cubes"),
@@ -112,13 +112,13 @@ _STATEMENTS = (
 
 
 def parse_canonical(instruction: str) -> tuple[str, str] | None:
-    """(block colour, bowl colour) of a canonical sentence of put-blocks-in-bowls, or None for any other sentence."""
+    """Return (block colour, bowl colour) of a canonical sentence of put-blocks-in-bowls, None for any other."""
     match = _CANONICAL.match(instruction)
     return (match["block"], match["bowl"]) if match else None
 
 
 def paraphrase(instruction: str, rng: np.random.Generator) -> str:
-    """Another wording of a canonical instruction; a sentence of another kind is given back unchanged."""
+    """Return another wording of a canonical instruction; a sentence of another kind is returned unchanged."""
     colors = parse_canonical(instruction)
     if colors is None or rng.random() < 0.1:
         return instruction

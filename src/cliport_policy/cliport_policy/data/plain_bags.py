@@ -8,30 +8,24 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from cliport_core import topics
+from cliport_core.action import PickPlaceAction
+from cliport_core.errors import CoreError
+from cliport_core.raw_header import header_of_raw
+from cliport_core.transforms import TransformTree
+from cliport_core.workspace import WorkspaceSpec
 from cliport_episodes.bags import decode, read_messages
 from cliport_episodes.capture_setup import CaptureSetup
-from cliport_episodes.demonstration_messages import INSTRUCTION_TOPIC, PICK_TOPIC, PLACE_TOPIC, planar_from_message
+from cliport_episodes.demonstration_messages import planar_from_message
 from cliport_episodes.message_types import stamp_of
-from cliport_episodes.observation import (
-    CAMERA_TOPIC,
-    COLOR_TOPIC,
-    DEPTH_TOPIC,
-    TRANSFORM_TOPICS,
-    camera_from_info,
-    observation_from_messages,
-    put_transforms,
-)
+from cliport_episodes.observation import TRANSFORM_TOPICS, camera_from_info, observation_from_messages, put_transforms
 from cliport_episodes.raw import RawMessage
-from cliport_perception.errors import PerceptionError
-from cliport_perception.raw_header import header_of_raw
-from cliport_perception.transforms import TransformTree
-from cliport_perception.workspace import WorkspaceSpec
 from cliport_policy.comparison import RecordedStep, Span
 from cliport_policy.errors import DataError
 
-_KEPT_PICTURES = 32  # a pose comes this many pictures at most after the one that it was chosen on
-_IMAGES = (COLOR_TOPIC, DEPTH_TOPIC)
-_POSES = (PICK_TOPIC, PLACE_TOPIC)
+_KEPT_PICTURES = 32  # most pictures between the one that a pose was chosen on and the pose
+_IMAGES = (topics.COLOR, topics.DEPTH)
+_POSES = (topics.PICK_POSE, topics.PLACE_POSE)
 
 
 def plain_steps(
@@ -41,11 +35,15 @@ def plain_steps(
     complain: Callable[[str], None],
     renamed: Mapping[str, str] | None = None,
 ) -> Iterator[RecordedStep]:
-    """A step for each pick pose with its place pose; span is told when messages were received.
+    """Yield a step for each pick pose with its place pose; `span` is extended by the messages' times of reception.
 
-    The picture is the one that has the poses' stamp, or the last before them; the camera does not move. renamed: the
-    topics that the bag has instead of this project's, by these. Raises DataError, naming the topic, where something
-    that a step needs is not in the bag, and BagError where it can't be read.
+    The picture is the one that has the poses' stamp, or the last before them; the camera does not move.
+
+    renamed: the bag's topics, by this project's names for them.
+
+    Raises:
+        DataError: naming the topic, if something that a step needs is not in the bag.
+        BagError: if the bag can't be read.
     """
     ours = {theirs: mine for mine, theirs in (renamed or {}).items()}
     scene, poses, count = _Scene(path, workspace), dict[str, Any](), 0
@@ -56,18 +54,18 @@ def plain_steps(
             scene.hear(raw)
             if raw.topic in _POSES:
                 poses[raw.topic] = decode(raw)
-            step = scene.step(count, poses[PICK_TOPIC], poses[PLACE_TOPIC]) if len(poses) == len(_POSES) else None
-        except (PerceptionError, ValueError, AttributeError) as error:
+            step = scene.step(count, *(poses[topic] for topic in _POSES)) if len(poses) == len(_POSES) else None
+        except (CoreError, ValueError, AttributeError) as error:
             raise DataError(f"{path}: {raw.topic} of type {raw.type} can't be used ({error})") from None
         if step is not None:
             yield step
             poses, count = {}, count + 1
     if not count:
-        raise DataError(f"{path} has no pick with its place ({PICK_TOPIC}, {PLACE_TOPIC}): there is nothing to compare")
+        raise DataError(f"{path} has no pick with its place ({', '.join(_POSES)}): there is nothing to compare")
 
 
 class _Scene:
-    """What was seen and said up to now."""
+    """Pictures and sentence up to the present message."""
 
     def __init__(self, path: Path, workspace: WorkspaceSpec) -> None:
         self._path, self._workspace = path, workspace
@@ -81,26 +79,39 @@ class _Scene:
         """Take note of a message."""
         if raw.topic in _IMAGES:
             self._pictures[raw.topic].append(raw)
-        elif raw.topic == CAMERA_TOPIC:
+        elif raw.topic == topics.CAMERA_INFO:
             self._info = raw
-        elif raw.topic == INSTRUCTION_TOPIC:
+        elif raw.topic == topics.INSTRUCTION:
             self._said = str(decode(raw).data).strip() or self._said
         elif raw.topic in TRANSFORM_TOPICS:
             put_transforms(self._tree, decode(raw))
 
     def step(self, number: int, pick: Any, place: Any) -> RecordedStep:
-        """What the poses were chosen on. Raises DataError where that is not known."""
+        """Return the step of two poses, with the picture and the sentence that they were chosen on.
+
+        Raises:
+            DataError: if no camera, sentence or picture came before.
+        """
         if self._info is None:
-            raise DataError(f"{self._path} has no camera_info ({CAMERA_TOPIC}) before its poses: record that topic too")
+            raise DataError(
+                f"{self._path} has no camera_info ({topics.CAMERA_INFO}) before its poses: record that topic too"
+            )
         if not self._said:
-            raise DataError(f"{self._path} has no instruction ({INSTRUCTION_TOPIC}) before its poses: record it too")
+            raise DataError(f"{self._path} has no instruction ({topics.INSTRUCTION}) before its poses: record it too")
         images = [self._picture(topic, stamp_of(pick)) for topic in _IMAGES]
         where = f"{self._path}, {number + 1}. pick"
         setup = self._known_setup(self._info, pick.header.frame_id)
         observation = observation_from_messages([self._info, *images], where, setup)
         heightmap = observation.heightmap(self._workspace)
-        poses = (planar_from_message(pick.pose), planar_from_message(place.pose))
-        return RecordedStep(self._path.name, number, observation.stamp_ns, heightmap, self._said, *poses)
+        action = PickPlaceAction(planar_from_message(pick.pose), planar_from_message(place.pose))
+        return RecordedStep(
+            self._path.name,
+            number,
+            observation.stamp_ns,
+            heightmap,
+            self._said,
+            action,
+        )
 
     def _picture(self, topic: str, stamp_ns: int) -> RawMessage:
         kept = self._pictures[topic]
@@ -114,7 +125,7 @@ class _Scene:
             try:
                 camera = camera_from_info(info)
                 camera_in_base = self._tree.source_in_target(info.header.frame_id, base_frame)
-            except PerceptionError as error:
+            except CoreError as error:
                 raise DataError(f"{self._path}: {error}") from None
             self._setup = CaptureSetup(self._workspace, camera, info.header.frame_id, base_frame, camera_in_base)
         return self._setup

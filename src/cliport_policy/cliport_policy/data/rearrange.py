@@ -1,7 +1,7 @@
 """Demonstrations in other arrangements: each thing on the table is cut out, turned and put down somewhere else.
 
-So a few demonstrations do not teach that what is asked for lies where it lay in them. It is for sentences that say
-which thing, not where; whether a task's things may lie anywhere is for its author to say.
+So a few demonstrations do not teach that things lie where they lay in them. It is for sentences that say which thing,
+not where; only the author of a task can say that its things may lie anywhere.
 """
 
 from __future__ import annotations
@@ -15,17 +15,20 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from cliport_perception.heightmap import Heightmap
+from cliport_core.heightmap import Heightmap
 from cliport_policy.data.augmentation import PlanarTransform, identity_transform, names_direction
 from cliport_policy.data.demonstrations import Demonstration
 from cliport_policy.data.things import Thing, find_things, raised
 
-_FREE_PLACE = 10  # pixels around a place on the table that stay free
-_TRIES = 60  # to find room for one thing
+_FREE_RADIUS = 10  # pixels around a place on the table that stay free
+_TRIES = 60  # random places tried for one thing
 
 
 class Cutout(NamedTuple):
-    """A thing, turned and moved by the transform: what is to be seen at rows and cols (slices) where mask says so."""
+    """Thing, turned and moved by the transform.
+
+    rows, cols: the slices of the picture that it is put on. mask, color, height, valid: its pixels there.
+    """
 
     transform: PlanarTransform
     rows: slice
@@ -37,48 +40,50 @@ class Cutout(NamedTuple):
 
 
 def rearranged(scene: Heightmap, demo: Demonstration, rng: np.random.Generator) -> tuple[Heightmap, Demonstration]:
-    """Scene and demonstration with each thing elsewhere. What leaves the picture stays; what touches stays together.
+    """Return scene and demonstration with each thing elsewhere.
 
-    As they are where the sentence speaks of directions, nothing is seen at the pick, the things find no room,
-    or no table is seen between them.
+    Things that leave the picture stay; things that touch stay together. Both are returned unchanged if the sentence
+    names
+    a direction, no thing is seen at the pick, the things find no free place, or no table is seen between them.
     """
     if names_direction(demo.instruction):
         return scene, demo
     things = find_things(scene)
-    pick, place = (None if demo.done else _thing_at(things, pixel) for pixel in (demo.pick_pixel, demo.place_pixel))
+    pick = None if demo.done else _thing_at(things, demo.pick_pixel)
+    place = None if demo.done else _thing_at(things, demo.place_pixel)
     bare = scene.valid & ~raised(scene) & ~np.any([thing.mask for thing in things], axis=0)
     if (pick is None and not demo.done) or not bare.any():
         return scene, demo
     taken = np.zeros(scene.valid.shape, np.uint8)
     if place is None and not demo.done:
-        cv2.circle(taken, (demo.place_pixel[1], demo.place_pixel[0]), _FREE_PLACE, 1, -1)
-    cutouts = _put_down(scene, things, taken.astype(bool), rng)
+        cv2.circle(taken, (demo.place_pixel[1], demo.place_pixel[0]), _FREE_RADIUS, 1, -1)
+    cutouts = _place_things(scene, things, taken.astype(bool), rng)
     if cutouts is None:
         return scene, demo
     moved = _compose(scene, things, cutouts, np.flatnonzero(bare), rng)
-    return moved, demo if demo.done else _relabel(demo, cutouts, pick, place)
+    return moved, demo if demo.done else _move_poses(demo, cutouts, pick, place)
 
 
 def _thing_at(things: Sequence[Thing], pixel: tuple[int, int]) -> int | None:
     return next((i for i, thing in enumerate(things) if thing.mask[pixel]), None)
 
 
-def _put_down(
+def _place_things(
     scene: Heightmap, things: Sequence[Thing], taken: NDArray[np.bool_], rng: np.random.Generator
 ) -> list[Cutout | None] | None:
-    """Each thing where there is room, None for one that stays; None when one finds no room.
+    """Put each thing on a free place; None for a thing that stays, None instead of a list if one finds no place.
 
-    taken: (H, W), where nothing may lie; what does is added.
+    taken: (H, W), True at pixels that are not free; the things' new pixels are added to it.
     """
     for thing in things:
-        if not thing.loose:
+        if not thing.movable:
             taken |= thing.mask
     cutouts: list[Cutout | None] = []
     for thing in things:
-        if not thing.loose:
+        if not thing.movable:
             cutouts.append(None)
             continue
-        cutout = _find_room(_turned(scene, thing, rng), taken, rng)
+        cutout = _find_free_place(_cut_out_turned(scene, thing, rng), taken, rng)
         if cutout is None:
             return None
         taken[cutout.rows, cutout.cols] |= cutout.mask
@@ -86,8 +91,8 @@ def _put_down(
     return cutouts
 
 
-def _turned(scene: Heightmap, thing: Thing, rng: np.random.Generator) -> Cutout:
-    """A thing turned by any angle, in the picture's corner."""
+def _cut_out_turned(scene: Heightmap, thing: Thing, rng: np.random.Generator) -> Cutout:
+    """Return a thing turned by a random angle, in the picture's corner."""
     top, left, bottom, right = _bounds(thing.mask)
     angle = rng.uniform(-math.pi, math.pi)
     cos, sin = math.cos(angle), math.sin(angle)
@@ -116,17 +121,17 @@ def _turned(scene: Heightmap, thing: Thing, rng: np.random.Generator) -> Cutout:
 
 
 def _bounds(mask: NDArray[np.bool_]) -> tuple[int, int, int, int]:
-    """The first row and column that a mask has something in, and the first after its last ones."""
+    """Return the first row and column in which a mask is True, and the first ones after its last."""
     rows, cols = np.flatnonzero(mask.any(1)), np.flatnonzero(mask.any(0))
     return int(rows[0]), int(cols[0]), int(rows[-1]) + 1, int(cols[-1]) + 1
 
 
-def _find_room(cutout: Cutout, taken: NDArray[np.bool_], rng: np.random.Generator) -> Cutout | None:
+def _find_free_place(cutout: Cutout, taken: NDArray[np.bool_], rng: np.random.Generator) -> Cutout | None:
     height, width = cutout.mask.shape
-    room = (taken.shape[0] - height, taken.shape[1] - width)
-    if min(room) < 0:
+    last = (taken.shape[0] - height, taken.shape[1] - width)  # last row and column to begin at
+    if min(last) < 0:
         return None
-    for row, col in rng.integers(0, np.array(room) + 1, (_TRIES, 2)).tolist():
+    for row, col in rng.integers(0, np.array(last) + 1, (_TRIES, 2)).tolist():
         rows, cols = slice(row, row + height), slice(col, col + width)
         if not (taken[rows, cols] & cutout.mask).any():
             matrix = cutout.transform.matrix + np.array([[0, 0, col], [0, 0, row]])
@@ -141,7 +146,10 @@ def _compose(
     bare: NDArray[np.intp],
     rng: np.random.Generator,
 ) -> Heightmap:
-    """The scene with its things moved, and where they were pixels of the bare table, which has these flat indices."""
+    """Return the scene with its things moved.
+
+    bare: flat indices of pixels of the bare table, which fill the places that the things have left.
+    """
     color, height, valid = scene.color.copy(), scene.height.copy(), scene.valid.copy()
     left = np.zeros_like(valid)
     for thing, cutout in zip(things, cutouts, strict=True):
@@ -155,21 +163,25 @@ def _compose(
     return dataclasses.replace(scene, color=color, height=height, valid=valid)
 
 
-def _relabel(
+def _move_poses(
     demo: Demonstration, cutouts: Sequence[Cutout | None], pick: int | None, place: int | None
 ) -> Demonstration:
-    """The poses go with the things that they are on; None: on the table, which stays."""
-    of_pick, of_place = (_transform_of(None if i is None else cutouts[i]) for i in (pick, place))
+    """Move the poses with the things that they are on.
+
+    pick, place: the things' numbers; None for a pose on the table, which stays.
+    """
+    pick_transform, place_transform = _transform_of(cutouts, pick), _transform_of(cutouts, place)
     return dataclasses.replace(
         demo,
-        pick_pixel=_round(of_pick.pixel(demo.pick_pixel)),
-        pick_yaw=demo.pick_yaw + of_pick.angle,
-        place_pixel=_round(of_place.pixel(demo.place_pixel)),
-        place_yaw=demo.place_yaw + of_place.angle,
+        pick_pixel=_round(pick_transform.pixel(demo.pick_pixel)),
+        pick_yaw=demo.pick_yaw + pick_transform.angle,
+        place_pixel=_round(place_transform.pixel(demo.place_pixel)),
+        place_yaw=demo.place_yaw + place_transform.angle,
     )
 
 
-def _transform_of(cutout: Cutout | None) -> PlanarTransform:
+def _transform_of(cutouts: Sequence[Cutout | None], number: int | None) -> PlanarTransform:
+    cutout = None if number is None else cutouts[number]
     return identity_transform() if cutout is None else cutout.transform
 
 

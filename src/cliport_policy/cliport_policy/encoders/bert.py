@@ -13,47 +13,58 @@ from cliport_policy.encoders.word_pieces import WordPieces
 from cliport_policy.language import MAX_TOKENS, model_folder, shared_encoder
 
 
-class Reader(NamedTuple):
-    """The module, and what takes sentences to (B, dim) float32."""
+class SentenceEncoder(NamedTuple):
+    """Encoder of sentences as one vector each.
+
+    encode: takes sentences to (B, dim) float32. module: the network behind it.
+    """
 
     module: Bert
-    read: Callable[[list[str]], Tensor]
+    encode: Callable[[list[str]], Tensor]
 
     @property
     def dim(self) -> int:
+        """Width of a sentence's vector."""
         return self.module.dim
 
 
-def minilm() -> Reader:
-    """The process's one MiniLM, which also checks instructions."""
+def minilm() -> SentenceEncoder:
+    """Return the process's one MiniLM, which also checks instructions."""
     encoder = shared_encoder()
 
-    def read(sentences: list[str]) -> Tensor:
+    def encode(sentences: list[str]) -> Tensor:
         tokens, mask = encoder.encode(sentences)
         return mean_state(tokens, mask)
 
-    return Reader(encoder.model, read)
+    return SentenceEncoder(encoder.model, encode)
 
 
-def distilbert(folder: Path) -> Reader:
-    """From the files that transformers saves. Raises EncoderError where the folder holds anything else."""
-    return _reader(WordPieces(folder, MAX_TOKENS), load_bert(folder))
+def distilbert(folder: Path) -> SentenceEncoder:
+    """Load the files that transformers saves.
+
+    Raises:
+        EncoderError: if the folder holds anything else.
+    """
+    return _sentence_encoder(WordPieces(folder, MAX_TOKENS), load_bert(folder))
 
 
-def untrained_distilbert(seed: int) -> Reader:
-    """Random weights behind the pretrained tokenizer: MiniLM's, which has the same vocabulary of 30 522 words."""
-    return _reader(WordPieces(model_folder(), MAX_TOKENS), untrained_bert(BertShape(), seed))
+def untrained_distilbert(seed: int) -> SentenceEncoder:
+    """Make a DistilBERT of random weights behind a pretrained tokenizer.
+
+    It is MiniLM's tokenizer, which has the same vocabulary of 30 522 words.
+    """
+    return _sentence_encoder(WordPieces(model_folder(), MAX_TOKENS), untrained_bert(BertShape(), seed))
 
 
 def mean_state(tokens: Tensor, mask: Tensor) -> Tensor:
-    """(B, T, D), (B, T) bool -> (B, D), not normalised."""
+    """Return the mean of token states (B, T, D) over the tokens of a mask (B, T): (B, D), not normalised."""
     weight = mask.unsqueeze(-1).to(tokens.dtype)
     return (tokens * weight).sum(1) / weight.sum(1)
 
 
-def _reader(pieces: WordPieces, model: Bert) -> Reader:
-    def read(sentences: list[str]) -> Tensor:
+def _sentence_encoder(pieces: WordPieces, model: Bert) -> SentenceEncoder:
+    def encode(sentences: list[str]) -> Tensor:
         numbers, mask = pieces(sentences)
         return mean_state(model.states(numbers, mask), mask)
 
-    return Reader(model, read)
+    return SentenceEncoder(model, encode)

@@ -25,7 +25,7 @@ from cliport_policy.errors import EncoderError
 _EPSILON = 1e-12
 _INITIAL_STD = 0.02
 _TYPES = "embeddings.token_type_embeddings.weight"
-_KEYS = {  # what their configs call the fields of BertShape: BERT, DistilBERT
+_KEYS = {  # field of BertShape -> its keys in the configs of BERT and of DistilBERT
     "vocabulary": ("vocab_size", "vocab_size"),
     "positions": ("max_position_embeddings", "max_position_embeddings"),
     "width": ("hidden_size", "dim"),
@@ -33,7 +33,7 @@ _KEYS = {  # what their configs call the fields of BertShape: BERT, DistilBERT
     "layers": ("num_hidden_layers", "n_layers"),
     "heads": ("num_attention_heads", "n_heads"),
 }
-_NAMES = (  # their modules' names -> the names here
+_NAMES = (  # pattern of a published module's name -> the name here
     (r"^(bert|distilbert)\.", ""),
     (r"^embeddings\.(word|position)_embeddings\.", r"\1s."),
     (r"^embeddings\.LayerNorm\.", "norm."),
@@ -73,7 +73,7 @@ class _Layer(nn.Module):
         self.norm1, self.norm2 = nn.LayerNorm(width, _EPSILON), nn.LayerNorm(width, _EPSILON)
 
     def forward(self, x: Tensor, mask: Tensor) -> Tensor:
-        """x: (B, T, width), mask: (B, 1, 1, T) True where a token stands."""
+        """Return (B, T, width) of x (B, T, width) and a mask (B, 1, 1, T), True at tokens."""
         query, key, value = (
             part(x).unflatten(-1, (self.heads, -1)).transpose(1, 2) for part in (self.query, self.key, self.value)
         )
@@ -83,31 +83,35 @@ class _Layer(nn.Module):
 
 
 class Bert(nn.Module):
-    """Token numbers to token states."""
+    """BERT from token numbers to token states."""
 
     def __init__(self, shape: BertShape) -> None:
         super().__init__()
         self.dim = shape.width
         self.words = nn.Embedding(shape.vocabulary, shape.width)
-        self.positions = nn.Embedding(shape.positions, shape.width)  # that of the first token type added
+        self.positions = nn.Embedding(shape.positions, shape.width)  # plus the embedding of the first token type
         self.norm = nn.LayerNorm(shape.width, _EPSILON)
         self.layers = nn.ModuleList(_Layer(shape) for _ in range(shape.layers))
 
     def forward(self, tokens: Tensor, mask: Tensor) -> Tensor:
-        """tokens: (B, T) numbers, mask: (B, T) True where a token stands -> (B, T, dim)."""
+        """Return the states (B, T, dim) of token numbers (B, T); mask: (B, T), True at tokens, False at padding."""
         x = self.norm(self.words(tokens) + self.positions.weight[: tokens.shape[1]])
         for layer in self.layers:
             x = layer(x, mask[:, None, None])
         return x
 
     def states(self, tokens: Tensor, mask: Tensor) -> Tensor:
-        """As forward, in float32 whatever the weights are."""
+        """Return what `forward` does, in float32 whatever the weights are."""
         states: Tensor = self(tokens, mask)
         return states.float()
 
 
 def load_bert(folder: Path) -> Bert:
-    """From config.json and model.safetensors or pytorch_model.bin. Raises EncoderError where they are unusable."""
+    """Load config.json and model.safetensors or pytorch_model.bin of a folder.
+
+    Raises:
+        EncoderError: if they are absent or unusable.
+    """
     try:
         shape = _shape(json.loads((folder / "config.json").read_text(encoding="utf-8")))
         weights = _weights(folder)
@@ -123,7 +127,7 @@ def load_bert(folder: Path) -> Bert:
 
 
 def untrained_bert(shape: BertShape, seed: int) -> Bert:
-    """Random weights, drawn as BERT's authors do."""
+    """Make a BERT of random weights, drawn as its authors do."""
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)
         network = Bert(shape)
@@ -143,13 +147,13 @@ def _shape(config: Mapping[str, Any]) -> BertShape:
 def _weights(folder: Path) -> dict[str, Tensor]:
     file = folder / "model.safetensors"
     raw = load_file(file) if file.is_file() else read_state_dict(folder / "pytorch_model.bin")
-    named = {_our_name(name): value for name, value in raw.items()}
+    named = {_module_name(name): value for name, value in raw.items()}
     if _TYPES in named:
         named["positions.weight"] = named["positions.weight"] + named[_TYPES][0]
     return named
 
 
-def _our_name(name: str) -> str:
+def _module_name(name: str) -> str:
     for theirs, ours in _NAMES:
         name = re.sub(theirs, ours, name)
     return name

@@ -16,7 +16,7 @@ _HEAD_WIDTH = 64
 
 
 class _Bottleneck(nn.Module):
-    """1x1, 3x3, 1x1 around a shortcut; strides are average pools."""
+    """Convolutions 1x1, 3x3, 1x1 around a shortcut; strides are average pools."""
 
     def __init__(self, channels_in: int, width: int, stride: int) -> None:
         super().__init__()
@@ -56,7 +56,7 @@ class _Stem(nn.Module):
 
 
 class ClipResNet(nn.Module):
-    """The stem and four stages, whose outputs have 4, 8, 16 and 32 times `width` channels."""
+    """CLIP's ResNet: the stem and four stages, whose outputs have 4, 8, 16 and 32 times `width` channels."""
 
     def __init__(self, width: int, blocks: Sequence[int]) -> None:
         super().__init__()
@@ -72,6 +72,7 @@ class ClipResNet(nn.Module):
 
     @property
     def stages(self) -> list[nn.Module]:
+        """Stem and stages, in order."""
         return [self.stem, self.layer1, self.layer2, self.layer3, self.layer4]
 
 
@@ -92,7 +93,7 @@ class _TextBlock(nn.Module):
 
 
 class ClipText(nn.Module):
-    """Token numbers (B, context) to the projected feature at each sentence's last token, (B, dim), not normalised."""
+    """CLIP's sentence encoder, up to the projected feature at a sentence's last token."""
 
     def __init__(self, vocabulary: int, context: int, width: int, layers: int, dim: int) -> None:
         super().__init__()
@@ -103,6 +104,7 @@ class ClipText(nn.Module):
         self.text_projection = nn.Parameter(torch.empty(width, dim))
 
     def forward(self, tokens: Tensor) -> Tensor:
+        """Return the features (B, dim) of token numbers (B, context), not normalised."""
         length = int(tokens.argmax(1).max()) + 1  # the end's number is the highest; what follows it changes nothing
         x = self.token_embedding(tokens[:, :length]) + self.positional_embedding[:length]
         mask = torch.full((length, length), float("-inf"), dtype=x.dtype, device=x.device).triu(1)

@@ -1,4 +1,4 @@
-"""CLIP's ResNet50 and its sentence encoder, from the user's checkpoint file (spec, section 11.4)."""
+"""CLIP's ResNet50 and its sentence encoder, from the user's checkpoint file (docs/paper.md, "Layers")."""
 
 from __future__ import annotations
 
@@ -12,9 +12,8 @@ from torch import Tensor
 from cliport_policy.blank import blank_modules
 from cliport_policy.encoders.clip_modules import ClipResNet, ClipText
 from cliport_policy.encoders.files import read_state_dict
-from cliport_policy.encoders.frozen import FrozenEncoders, Vision
+from cliport_policy.encoders.frozen import EncoderShape, FrozenEncoders, Vision
 from cliport_policy.errors import EncoderError
-from cliport_policy.networks.stream_net import EncoderShape
 
 MEAN = (0.48145466, 0.4578275, 0.40821073)
 STD = (0.26862954, 0.26130258, 0.27577711)
@@ -22,9 +21,12 @@ _N_STAGES = 4
 
 
 def load_clip(name: str, path: Path) -> FrozenEncoders:
-    """OpenAI's TorchScript archive or a plain state dict of it; a smaller network of the same kind is read as well.
+    """Load OpenAI's TorchScript archive or a plain state dict of it.
 
-    Raises EncoderError where the file holds anything else.
+    A smaller network of the same kind is read as well.
+
+    Raises:
+        EncoderError: if the file holds anything else.
     """
     weights = read_state_dict(path)
     if "visual.proj" in weights:
@@ -38,21 +40,21 @@ def load_clip(name: str, path: Path) -> FrozenEncoders:
     context, dim = text.positional_embedding.shape[0], text.text_projection.shape[1]
     widths = tuple(stage[-1].conv3.out_channels for stage in visual.stages[1:])
 
-    def read(sentences: list[str]) -> Tensor:
+    def encode(sentences: list[str]) -> Tensor:
         return text(tokenizer(sentences, context)).float()
 
-    return FrozenEncoders(name, EncoderShape(widths, dim), Vision(visual.stages, MEAN, STD), text, read)
+    return FrozenEncoders(name, EncoderShape(widths, dim), Vision(visual.stages, MEAN, STD), text, encode)
 
 
 def _resnet(weights: Mapping[str, Tensor]) -> ClipResNet:
-    blocks = [_count(weights, f"visual.layer{stage + 1}.") for stage in range(_N_STAGES)]
+    blocks = [_count_blocks(weights, f"visual.layer{stage + 1}.") for stage in range(_N_STAGES)]
     with blank_modules():
         network = ClipResNet(weights["visual.layer1.0.conv1.weight"].shape[0], blocks)
-    named = {
-        (name if name.startswith("layer") else f"stem.{name}"): value
-        for name, value in _below(weights, "visual.").items()
-        if not name.startswith("attnpool.")  # its pooling is not used
-    }
+    named: dict[str, Tensor] = {}
+    for name, value in _strip_prefix(weights, "visual.").items():
+        if name.startswith("attnpool."):
+            continue  # CLIP's pooling is not used
+        named[name if name.startswith("layer") else f"stem.{name}"] = value
     network.load_state_dict(named, assign=True)
     return network.float()
 
@@ -61,24 +63,24 @@ def _text(weights: Mapping[str, Tensor]) -> ClipText:
     vocabulary, width = weights["token_embedding.weight"].shape
     context, dim = weights["positional_embedding"].shape[0], weights["text_projection"].shape[1]
     with blank_modules():
-        network = ClipText(vocabulary, context, width, _count(weights, "transformer.resblocks."), dim)
+        network = ClipText(vocabulary, context, width, _count_blocks(weights, "transformer.resblocks."), dim)
     network.load_state_dict({name: weights[name] for name in network.state_dict()}, assign=True)
     return network.float()
 
 
-def _below(weights: Mapping[str, Tensor], prefix: str) -> dict[str, Tensor]:
+def _strip_prefix(weights: Mapping[str, Tensor], prefix: str) -> dict[str, Tensor]:
     return {name.removeprefix(prefix): value for name, value in weights.items() if name.startswith(prefix)}
 
 
-def _count(weights: Mapping[str, Tensor], prefix: str) -> int:
-    """How many blocks are numbered below a prefix."""
-    return len({name.split(".")[0] for name in _below(weights, prefix)})
+def _count_blocks(weights: Mapping[str, Tensor], prefix: str) -> int:
+    """Return the number of blocks below a prefix."""
+    return len({name.split(".")[0] for name in _strip_prefix(weights, prefix)})
 
 
 def _tokenizer() -> Any:
-    """open_clip's tokenizer, from its file alone: the package itself would be imported whole.
+    """Load open_clip's tokenizer from its file alone: the package itself would be imported whole.
 
-    Called with sentences and a length, it gives (B, length) token numbers; a longer sentence is cut.
+    It takes sentences and a length to token numbers (B, length); a longer sentence is cut.
     """
     package = importlib.util.find_spec("open_clip")
     if package is None or package.origin is None:

@@ -29,11 +29,11 @@ _STAGES = (
     (6, 192, 4, 2, 5),
     (6, 320, 1, 1, 3),
 )
-_TAP_STAGES = (2, 3, 5, 7)  # after how many of them the taps lie
+_TAP_STAGES = (2, 3, 5, 7)  # a tap follows the stage of each number, counted from 1
 
 
 class _SameConv(nn.Conv2d):
-    """Padded as TensorFlow does, where the weights were trained: what is odd goes right and below."""
+    """Convolution padded as in TensorFlow, which trained the weights: odd rows go below, odd columns right."""
 
     def forward(self, x: Tensor) -> Tensor:
         rows, cols = (self._margin(n, i) for i, n in enumerate(x.shape[-2:]))
@@ -55,7 +55,7 @@ class _Stem(nn.Module):
 
 
 class _Block(nn.Module):
-    """Expand, depthwise, project; the input is added where nothing changes its shape."""
+    """Inverted residual block: expand, depthwise, project; the input is added if the shape stays."""
 
     def __init__(self, a: int, b: int, expansion: int, stride: int, side: int) -> None:
         super().__init__()
@@ -76,7 +76,11 @@ class _Block(nn.Module):
 
 
 def load_efficientnet() -> Vision:
-    """Its stages up to 1/32. Raises EncoderError where the package is missing or damaged."""
+    """Load the stages up to 1/32.
+
+    Raises:
+        EncoderError: if the package is missing or damaged.
+    """
     spec = importlib.util.find_spec(PACKAGE)
     if spec is None or spec.origin is None:
         raise EncoderError(f"the package {PACKAGE} is not installed: run `make setup` again")
@@ -85,11 +89,15 @@ def load_efficientnet() -> Vision:
     network = nn.ModuleDict({"stem": _Stem(), "blocks": nn.Sequential(*blocks)})
     try:
         weights = torch.load(files[0], map_location="cpu", weights_only=True)
-        network.load_state_dict({k: v for k, v in ((_our_name(k), v) for k, v in weights.items()) if k})
+        named = {_module_name(name): value for name, value in weights.items()}
+        named.pop("", None)  # the classifier's
+        network.load_state_dict(named)
     except Exception as error:
         reason = " ".join(str(error).split())[:120]
         raise EncoderError(f"the weights of {PACKAGE} are damaged ({reason}): reinstall the package") from None
-    ends = [0, *(sum(stage[2] for stage in _STAGES[:n]) for n in _TAP_STAGES)]
+    ends = [0]  # numbers of blocks up to each tap
+    for n_stages in _TAP_STAGES:
+        ends.append(sum(stage[2] for stage in _STAGES[:n_stages]))
     parts = [nn.Sequential(*blocks[a:b]) for a, b in pairwise(ends)]
     return Vision([network["stem"], *parts], MEAN, STD)
 
@@ -104,8 +112,8 @@ def _blocks() -> list[nn.Module]:
     return blocks
 
 
-def _our_name(name: str) -> str:
-    """The name here of a tensor in the file; empty for the classifier's."""
+def _module_name(name: str) -> str:
+    """Return this module's name for a tensor of the file; empty for the classifier's."""
     if name.startswith(("_conv_head", "_bn1", "_fc")):
         return ""
     name = name.replace("_conv_stem", "stem.conv0").replace("_expand_conv", "conv0")

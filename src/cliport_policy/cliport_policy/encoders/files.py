@@ -1,4 +1,4 @@
-"""Where people keep the encoders' files that no package brings, and how they are read."""
+"""Files of encoders that no package brings: the folder that people keep them in, and their reading."""
 
 from __future__ import annotations
 
@@ -21,12 +21,16 @@ DISTILBERT_FOLDER = "distilbert-base-uncased"
 
 
 def models_folder() -> Path:
-    """The folder that CLIPORT_MODELS names, or ~/.cache/cliport."""
+    """Return the folder that CLIPORT_MODELS names, or ~/.cache/cliport."""
     return Path(os.environ.get(FOLDER_VARIABLE) or DEFAULT_FOLDER).expanduser()
 
 
-def existing(name: str, what: str) -> Path:
-    """The path of a file or folder among the models. Raises EncoderError, which says what to put where."""
+def require_model(name: str, what: str) -> Path:
+    """Return the path of a file or folder among the models.
+
+    Raises:
+        EncoderError: if it is missing, saying what to put where.
+    """
     path = models_folder() / name
     if not path.exists():
         raise EncoderError(
@@ -36,9 +40,10 @@ def existing(name: str, what: str) -> Path:
 
 
 def read_state_dict(path: Path) -> dict[str, Tensor]:
-    """The tensors of a TorchScript archive or of a plain state dict.
+    """Read the tensors of a TorchScript archive or of a plain state dict.
 
-    Raises EncoderError where the file is neither.
+    Raises:
+        EncoderError: if the file is neither.
     """
     try:
         with warnings.catch_warnings():

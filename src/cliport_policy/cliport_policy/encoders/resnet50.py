@@ -1,4 +1,4 @@
-"""torchvision's ResNet50: with ImageNet weights from the user's file, or untrained."""
+"""ResNet50 of torchvision: with ImageNet weights from the user's file, or untrained."""
 
 from __future__ import annotations
 
@@ -17,7 +17,11 @@ _NOISE_SHAPE = (2, 3, 96, 96)
 
 
 def load_resnet50(path: Path) -> Vision:
-    """Raises EncoderError where the file is no state dict of torchvision's resnet50."""
+    """Load a state dict of torchvision's resnet50.
+
+    Raises:
+        EncoderError: if the file is none.
+    """
     network = _resnet50()
     try:
         network.load_state_dict(read_state_dict(path))
@@ -28,7 +32,10 @@ def load_resnet50(path: Path) -> Vision:
 
 
 def untrained_resnet50(seed: int) -> Vision:
-    """Random weights; the batch norms' statistics are those of noise, or activations would grow from block to block."""
+    """Make a ResNet50 of random weights.
+
+    The batch norms' statistics are those of noise, or activations would grow from block to block.
+    """
     with torch.random.fork_rng(devices=[]), torch.no_grad():
         torch.manual_seed(seed)
         vision = _stages(_resnet50())

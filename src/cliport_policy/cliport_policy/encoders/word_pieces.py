@@ -1,4 +1,4 @@
-"""Sentences to BERT's token numbers, by the tokenizer's own file."""
+"""Tokenizer from sentences to BERT's token numbers, by the tokenizer's own file."""
 
 from __future__ import annotations
 
@@ -13,17 +13,24 @@ from cliport_policy.errors import EncoderError
 
 
 class Tokens(NamedTuple):
-    """Of a batch of sentences, padded to the longest: numbers (B, T), mask (B, T) True where a token stands."""
+    """Token numbers of a batch of sentences, padded to the longest.
+
+    numbers: (B, T). mask: (B, T), True at tokens, False at padding.
+    """
 
     numbers: Tensor
     mask: Tensor
 
 
 class WordPieces:
-    """BERT's lower-case word pieces between [CLS] and [SEP]; what is beyond max_tokens is cut."""
+    """Splitter into BERT's lower-case word pieces between [CLS] and [SEP]; pieces beyond max_tokens are cut."""
 
     def __init__(self, folder: Path, max_tokens: int) -> None:
-        """From tokenizer.json or vocab.txt. Raises EncoderError where the folder holds neither."""
+        """Read tokenizer.json or vocab.txt.
+
+        Raises:
+            EncoderError: if the folder holds neither.
+        """
         from tokenizers import BertWordPieceTokenizer, Tokenizer
 
         file, vocabulary = folder / "tokenizer.json", folder / "vocab.txt"
@@ -39,6 +46,7 @@ class WordPieces:
             raise EncoderError(f"{folder} holds no tokenizer ({reason}): give it tokenizer.json or vocab.txt") from None
 
     def __call__(self, sentences: Sequence[str]) -> Tokens:
+        """Return the token numbers of sentences."""
         found = self._tokenizer.encode_batch(list(sentences))
         return Tokens(
             torch.tensor([one.ids for one in found]), torch.tensor([one.attention_mask for one in found]).bool()

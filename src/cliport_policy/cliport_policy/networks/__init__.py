@@ -1,1 +1,1 @@
-"""Tensors in, tensors out: the networks of the compact policy, batched, free of data sets and of ROS."""
+"""Policy networks, from tensors to tensors, batched: what all share; `compact` and `streams` hold the two kinds."""

@@ -11,13 +11,14 @@ from torch import Tensor
 from torch.autograd.function import once_differentiable
 from torch.nn import functional as F
 
-_AT_ONCE = 6  # windows of one entry whose spectra share a processor's cache: half the time and memory of all 36
+# Windows of one entry whose spectra fit a processor's cache: half the time and memory of all 36 together.
+_WINDOWS_PER_CHUNK = 6
 
 
 def correlate_inside(key: Tensor, window: Tensor) -> Tensor:
-    """key: (B, C, H, W); window: (B, R, C, q, q) -> (B, R, H - q + 1, W - q + 1), where no window leaves the map.
+    """Correlate a key (B, C, H, W) with windows (B, R, C, q, q) that do not leave it: (B, R, H - q + 1, W - q + 1).
 
-    The same as F.conv2d of the key with each window: a circular correlation wraps only where a window leaves the map.
+    This is F.conv2d of the key with each window: a circular correlation wraps only where a window leaves the map.
     """
     height, width = key.shape[-2:]
     side = window.shape[-1]
@@ -25,23 +26,25 @@ def correlate_inside(key: Tensor, window: Tensor) -> Tensor:
 
 
 def correlate_centered(key: Tensor, window: Tensor, half_turns: bool = False) -> Tensor:
-    """key: (B, C, H, W); window: (B, R, C, q, q) with q odd -> (B, R, H, W): the score of putting the window's
-    centre on each cell; the map is zero outside.
+    """Score each cell of a key (B, C, H, W) as the centre of windows (B, R, C, q, q), q odd: (B, R, H, W).
 
-    half_turns: -> (B, 2 R, H, W), the scores of the windows, then of the windows turned by half a turn, which have
-    the same spectra, conjugated.
+    The key is zero outside. half_turns: the scores are (B, 2 R, H, W), of the windows, then of the windows turned by
+    half
+    a turn, which have the same spectra, conjugated.
     """
     height, width = key.shape[-2:]
     half = window.shape[-1] // 2
-    padded = F.pad(key, (half, 0, half, 0))  # where a window on the far edge wraps around to
+    padded = F.pad(key, (half, 0, half, 0))  # a window on the far edge wraps around to this margin
     size = (_fast_length(height + half), _fast_length(width + half))
     return _Correlation.apply(padded, window, size, (height, width), half_turns)
 
 
 class _Correlation(torch.autograd.Function):
-    """key: (B, C, H, W); window: (B, R, C, q, q) -> (B, R, *shape): index (i, j) has each window's first corner on cell
-    (i, j) of the key. It wraps around at `size`, up to which both are padded with zeros. half_turns: (B, 2 R, *shape).
+    """Circular correlation of a key (B, C, H, W) with windows (B, R, C, q, q), and its gradient: (B, R, *shape).
 
+    Index (i, j) has each window's first corner on cell (i, j) of the key. It wraps around at `size`, up to which both
+    are
+    padded with zeros. With half_turns the result is (B, 2 R, *shape).
     Spectra are made again for the gradient: that is quicker than to fetch them from memory.
     """
 
@@ -49,6 +52,7 @@ class _Correlation(torch.autograd.Function):
     def forward(
         ctx: Any, key: Tensor, window: Tensor, size: tuple[int, int], shape: tuple[int, int], half_turns: bool
     ) -> Tensor:
+        """Return the scores."""
         ctx.save_for_backward(key, window)
         ctx.size, ctx.half_turns = size, half_turns
         count = window.shape[1]
@@ -56,7 +60,7 @@ class _Correlation(torch.autograd.Function):
         spectra = torch.fft.rfft2(key, s=size)  # (B, C, ...)
         ahead = _conjugate(spectra)
         behind = spectra * _shift(window.shape[-1] - 1, size, spectra) if half_turns else None
-        for entry, turns in _parts(window):
+        for entry, turns in _chunks(window):
             windows = _window_spectra(window[entry, turns], size)
             total = _sum_of_channels(windows, ahead[entry]).conj()
             scores[entry, turns] = torch.fft.irfft2(total, s=size)[..., : shape[0], : shape[1]]
@@ -75,45 +79,45 @@ class _Correlation(torch.autograd.Function):
         spectra = torch.fft.rfft2(key, s=size)
         shift = _shift(side - 1, size, spectra)
         behind = _conjugate(spectra * shift) if ctx.half_turns else None
-        of_window = torch.empty_like(window)
-        ahead_of_key, behind_of_key = torch.zeros_like(spectra), torch.zeros_like(spectra)
-        for entry, turns in _parts(window):
+        window_gradient = torch.empty_like(window)
+        ahead_total, behind_total = torch.zeros_like(spectra), torch.zeros_like(spectra)
+        for entry, turns in _chunks(window):
             windows = _window_spectra(window[entry, turns], size)
             ahead = torch.fft.rfft2(gradient[entry, turns], s=size).unsqueeze(2)  # (B, R, 1, ...)
-            _add_turns(ahead_of_key[entry], windows, ahead)
-            of_windows = _conjugate(ahead) * spectra[entry].unsqueeze(1)
+            _add_turns(ahead_total[entry], windows, ahead)
+            window_spectra = _conjugate(ahead) * spectra[entry].unsqueeze(1)
             if behind is not None:
                 opposite = slice(count + turns.start, count + turns.stop)
                 turned = torch.fft.rfft2(gradient[entry, opposite], s=size).unsqueeze(2)
-                _add_turns(behind_of_key[entry], windows, _conjugate(turned))
-                of_windows.addcmul_(turned, behind[entry].unsqueeze(1))
-            rows = torch.fft.ifft(of_windows, dim=-2)[..., :side, :]
-            of_window[entry, turns] = torch.fft.irfft(rows, n=size[1])[..., :side]
+                _add_turns(behind_total[entry], windows, _conjugate(turned))
+                window_spectra.addcmul_(turned, behind[entry].unsqueeze(1))
+            rows = torch.fft.ifft(window_spectra, dim=-2)[..., :side, :]
+            window_gradient[entry, turns] = torch.fft.irfft(rows, n=size[1])[..., :side]
         if ctx.half_turns:
-            ahead_of_key += _conjugate(behind_of_key * shift)
-        of_key = torch.fft.irfft2(ahead_of_key, s=size)[..., : key.shape[-2], : key.shape[-1]]
-        return of_key, of_window, None, None, None
+            ahead_total += _conjugate(behind_total * shift)
+        key_gradient = torch.fft.irfft2(ahead_total, s=size)[..., : key.shape[-2], : key.shape[-1]]
+        return key_gradient, window_gradient, None, None, None
 
 
-def _parts(window: Tensor) -> Iterator[tuple[slice, slice]]:
-    """What of (B, R, ...) is handled together: all of it, but on a CPU what fits its cache."""
+def _chunks(window: Tensor) -> Iterator[tuple[slice, slice]]:
+    """Yield the slices of (B, R, ...) that are handled together: all of it, or on a CPU what fits its cache."""
     batch, count = window.shape[:2]
     if window.is_cuda:
         yield slice(0, batch), slice(0, count)
         return
     for entry in range(batch):
-        for first in range(0, count, _AT_ONCE):
-            yield slice(entry, entry + 1), slice(first, min(first + _AT_ONCE, count))
+        for first in range(0, count, _WINDOWS_PER_CHUNK):
+            yield slice(entry, entry + 1), slice(first, min(first + _WINDOWS_PER_CHUNK, count))
 
 
 def _window_spectra(windows: Tensor, size: tuple[int, int]) -> Tensor:
-    """(..., q, q) -> (..., *size halved)."""
-    # Along rows first, of which there are q: those that padding would add are zero.
+    """Return the spectra (..., *size halved) of windows (..., q, q)."""
+    # Rows first: only q of them are not zero before padding.
     return torch.fft.fft(torch.fft.rfft(windows, n=size[1]), n=size[0], dim=-2)
 
 
 def _sum_of_channels(windows: Tensor, spectra: Tensor) -> Tensor:
-    """(B, R, C, ...) times (B, C, ...) -> (B, R, ...)."""
+    """Multiply (B, R, C, ...) by (B, C, ...) and sum over the channels: (B, R, ...)."""
     total = windows[:, :, 0] * spectra[:, None, 0]
     for channel in range(1, windows.shape[2]):
         total.addcmul_(windows[:, :, channel], spectra[:, None, channel])
@@ -131,7 +135,7 @@ def _conjugate(spectra: Tensor) -> Tensor:
 
 
 def _shift(cells: int, size: tuple[int, int], like: Tensor) -> Tensor:
-    """The factors of a spectrum by which a map moves up and left by so many cells: (*size halved)."""
+    """Return the factors of a spectrum, (*size halved), that move a map up and left by a number of cells."""
     rows = torch.fft.fftfreq(size[0], device=like.device, dtype=like.real.dtype)
     cols = torch.fft.rfftfreq(size[1], device=like.device, dtype=like.real.dtype)
     phase = 2 * math.pi * cells * (rows[:, None] + cols)
@@ -139,7 +143,7 @@ def _shift(cells: int, size: tuple[int, int], like: Tensor) -> Tensor:
 
 
 def _fast_length(n: int) -> int:
-    """The next length that factors into 2, 3 and 5 only."""
+    """Return the next length that factors into 2, 3 and 5 only."""
     while True:
         m = n
         for p in (2, 3, 5):

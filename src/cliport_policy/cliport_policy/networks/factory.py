@@ -1,4 +1,4 @@
-"""From a config to its network, with the shared encoders it needs."""
+"""Construction of a network from its config, with the shared encoders it needs."""
 
 from __future__ import annotations
 
@@ -14,45 +14,52 @@ from cliport_policy.blank import blank_modules
 from cliport_policy.checkpoint import ANCHORS
 from cliport_policy.config import NetworkConfig
 from cliport_policy.encoders.files import models_folder
-from cliport_policy.encoders.registry import encoders_of, on_hand
+from cliport_policy.encoders.registry import shared_encoders, with_available_encoder
 from cliport_policy.errors import CheckpointError, ConfigError
 from cliport_policy.named_configs import AnyNetworkConfig
-from cliport_policy.networks.compact import CompactNetwork
+from cliport_policy.networks.compact.network import CompactNetwork
 from cliport_policy.networks.policy_network import PolicyNetwork
-from cliport_policy.networks.streams import StreamsNetwork
+from cliport_policy.networks.streams.network import StreamsNetwork
 from cliport_policy.settings import check_choice
 
 PRECISIONS = ("auto", "float32", "bfloat16")
 
 
 def build_network(config: AnyNetworkConfig) -> PolicyNetwork:
-    """A new network, its weights random. `network.config` says on which encoders it stands where there is a choice.
+    """Make a new network of random weights.
 
-    Raises EncoderError, naming file and remedy, where the encoders can't be had.
+    If its config has a fallback encoder, `network.config` names the encoder in use.
+
+    Raises:
+        EncoderError: naming file and remedy, if the encoders can't be had.
     """
     if isinstance(config, NetworkConfig):
         return CompactNetwork(config)
-    config = on_hand(config)
-    return StreamsNetwork(config, encoders_of(config))
+    config = with_available_encoder(config)
+    return StreamsNetwork(config, shared_encoders(config))
 
 
 def restore_network(
     config: AnyNetworkConfig, tensors: Mapping[str, Tensor], frozen: str, path: Path, precision: str = "auto"
 ) -> PolicyNetwork:
-    """The network of a checkpoint, ready to act. precision: `float32`, `bfloat16`, or `auto`: what is fast here.
+    """Make the network of a checkpoint, ready to act.
 
-    The compact network is always in float32. Raises CheckpointError where the tensors or the frozen encoders on hand
-    are not those of the card, EncoderError where there are no encoders.
+    precision: `float32`, `bfloat16`, or `auto`: bfloat16 if this CPU is fast at it. The compact network is always in
+    float32.
+
+    Raises:
+        CheckpointError: if the tensors or the present frozen encoders are not those of the card.
+        EncoderError: if there are no encoders.
     """
     check_choice(precision, PRECISIONS, "precision")
-    network, dtype = _empty(config, precision)
+    network, dtype = _network_without_weights(config, precision)
     if network.encoder_identity != frozen:
         raise CheckpointError(
             f"checkpoint {path} was trained on the encoders '{frozen}'; here are '{network.encoder_identity}': "
             f"put the files it was trained on into {models_folder()}"
         )
     try:
-        weights = {name: _as(tensors[name], dtype) for name in tensors if name != ANCHORS}
+        weights = {name: _cast(tensors[name], dtype) for name in tensors if name != ANCHORS}
         network.load_state_dict(weights, assign=True)
     except RuntimeError as error:
         reason = " ".join(str(error).split())[:200]
@@ -62,20 +69,24 @@ def restore_network(
     return network.requires_grad_(False)
 
 
-def _empty(config: AnyNetworkConfig, precision: str) -> tuple[PolicyNetwork, torch.dtype]:
-    """A network whose weights take no memory yet, and the type that they shall have."""
+def _network_without_weights(config: AnyNetworkConfig, precision: str) -> tuple[PolicyNetwork, torch.dtype]:
+    """Return a network whose weights take no memory yet, and the type that they shall have."""
     if isinstance(config, NetworkConfig):
         with blank_modules():
             return CompactNetwork(config), torch.float32
     fast = precision == "bfloat16" or (precision == "auto" and has_fast_bfloat16())
     dtype = torch.bfloat16 if fast else torch.float32
-    encoders = encoders_of(config, dtype)
+    encoders = shared_encoders(config, dtype)
     with blank_modules():
         return StreamsNetwork(config, encoders), dtype
 
 
 def compile_network(network: PolicyNetwork) -> None:
-    """Have its nets compiled at their first use. Raises ConfigError where there is no C++ compiler."""
+    """Have a network's nets compiled at their first use.
+
+    Raises:
+        ConfigError: if there is no C++ compiler.
+    """
     compiler = os.environ.get("CXX") or "g++"
     if shutil.which(compiler) is None:
         raise ConfigError(f"compile: true needs the C++ compiler {compiler}: install it, or leave compile out")
@@ -83,10 +94,10 @@ def compile_network(network: PolicyNetwork) -> None:
 
 
 def has_fast_bfloat16() -> bool:
-    """Whether this CPU multiplies in bfloat16: twice as fast, and weights take half the memory."""
+    """Return True if this CPU multiplies in bfloat16: twice as fast, and weights take half the memory."""
     capabilities = torch.cpu.get_capabilities()
     return bool(capabilities.get("avx512_bf16") or capabilities.get("amx_bf16") or capabilities.get("amx_tile"))
 
 
-def _as(tensor: Tensor, dtype: torch.dtype) -> Tensor:
+def _cast(tensor: Tensor, dtype: torch.dtype) -> Tensor:
     return tensor.to(dtype) if tensor.is_floating_point() else tensor

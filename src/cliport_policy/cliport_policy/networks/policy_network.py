@@ -1,4 +1,4 @@
-"""What every network of a policy can do, so that one training step and one `infer` serve them all."""
+"""Interface of every policy network, so that one training step and one `infer` serve them all."""
 
 from __future__ import annotations
 
@@ -14,19 +14,25 @@ from cliport_policy.networks.rotation import bin_angles
 
 @dataclass(frozen=True)
 class Goal:
-    """A batch of goals: what the sentences say, (B, D), and what it shall look like, (B, 5, H, W), where given."""
+    """Batch of goals.
+
+    language: (B, D), the sentences' vectors. images: (B, 5, H, W), the finished scenes, if given.
+    """
 
     language: Tensor | None = None
     images: Tensor | None = None
 
     def select(self, index: Tensor) -> Goal:
-        """Those of some entries: a bool mask (B,) or indices."""
-        return Goal(*(None if part is None else part[index] for part in (self.language, self.images)))
+        """Return the goals of some entries: a bool mask (B,) or indices."""
+        language = None if self.language is None else self.language[index]
+        images = None if self.images is None else self.images[index]
+        return Goal(language, images)
 
 
 class PolicyNetwork(nn.Module, ABC):
-    """Observations are (B, 5, H, W) as observation.py makes them. Pixels are float (row, col); angles in rad.
+    """Network that scores picks, yaws and places.
 
+    Images are (B, 5, H, W) as observation.py makes them. Pixels are float (row, col); angles in rad.
     cell_size: pixels along the side of one cell of the pick's and the place's maps; h = H / cell_size, w likewise.
     """
 
@@ -35,12 +41,12 @@ class PolicyNetwork(nn.Module, ABC):
 
     @property
     def needs_goal_image(self) -> bool:
-        """Whether encode_goal must be given goal images."""
+        """True if encode_goal must be given goal images."""
         return False
 
     @property
     def encoder_identity(self) -> str:
-        """Which frozen encoders the weights belong to, where they are not the policy's own sentence encoder."""
+        """Identity of the frozen encoders that the weights belong to; empty for the policy's own sentence encoder."""
         return ""
 
     def compile_parts(self, backend: str = "inductor") -> None:
@@ -52,21 +58,35 @@ class PolicyNetwork(nn.Module, ABC):
 
     @abstractmethod
     def encode_goal(self, sentences: Sequence[str], images: Tensor | None = None) -> Goal:
-        """B sentences, and (B, 5, H, W) goal images where the network needs them, on the network's device."""
+        """Return the goals of B sentences, on the network's device.
+
+        images: (B, 5, H, W), the finished scenes, if the network needs them.
+        """
 
     @abstractmethod
     def score_picks(self, images: Tensor, goal: Goal) -> Tensor:
-        """-> (B, h * w + 1) logits; the last one is the null action's: nothing remains to be done."""
+        """Return logits (B, h * w + 1), the last one the null action's: nothing remains to be done."""
 
     @abstractmethod
     def score_yaws(self, images: Tensor, goal: Goal, pick: Tensor, angles: Tensor) -> Tensor | None:
-        """pick: (B, 2), angles: (B, R) -> (B, R) logits of the gripper's yaw; None where there is no rotator."""
+        """Return logits (B, R) of the gripper's yaw; None without a rotator.
+
+        pick: (B, 2). angles: (B, R).
+        """
 
     @abstractmethod
     def score_places(self, images: Tensor, goal: Goal, pick: Tensor, angles: Tensor) -> Tensor:
-        """pick: (B, 2), angles: (B, R) relative to the pick's yaw -> (B, R, h, w) logits."""
+        """Return logits (B, R, h, w).
+
+        pick: (B, 2). angles: (B, R), relative to the pick's yaw.
+        """
 
     def score_rotations(self, images: Tensor, goal: Goal, pick: Tensor) -> tuple[Tensor | None, Tensor]:
-        """score_yaws and score_places at all bins, as acting asks for both: (B, k) or None, (B, k, h, w)."""
+        """Return score_yaws and score_places at all k rotation bins: (B, k) or None, (B, k, h, w)."""
         angles = bin_angles(self.config.n_rotations, images.device).expand(len(images), -1)
         return self.score_yaws(images, goal, pick, angles), self.score_places(images, goal, pick, angles)
+
+
+def count_parameters(module: nn.Module) -> int:
+    """Return the number of values that a module learns."""
+    return sum(p.numel() for p in module.parameters() if p.requires_grad)

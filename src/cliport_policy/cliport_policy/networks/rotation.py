@@ -10,18 +10,18 @@ from torch.nn import functional as F
 
 
 def bin_angles(n_rotations: int, device: torch.device | None = None) -> Tensor:
-    """The angles of the rotation bins: (k,) rad, bin i at i * 2 pi / k."""
+    """Return the angles of the rotation bins: (k,) rad, bin i at i * 2 pi / k."""
     return torch.arange(n_rotations, device=device) * (2 * math.pi / n_rotations)
 
 
-def are_half_turned(angles: Tensor) -> bool:
-    """Whether the second half of the angles, (..., R) rad, is the first and half a turn: even bins are."""
+def are_opposite_pairs(angles: Tensor) -> bool:
+    """Return True if the second half of angles (..., R) rad is the first plus half a turn, as even bins are."""
     half, odd = divmod(angles.shape[-1], 2)
     return not odd and bool(((angles[..., half:] - angles[..., :half]).abs() - math.pi).abs().max() < 1e-4)
 
 
 def window_offsets(side: int, angles: Tensor) -> Tensor:
-    """Where a side x side window's cells lie when the window is turned by each angle.
+    """Return the offsets of a side x side window's cells when the window is turned by each angle.
 
     angles: (..., R) rad -> (..., R, side, side, 2) offsets (column, row) from the window's centre, in cells.
     """
@@ -33,7 +33,7 @@ def window_offsets(side: int, angles: Tensor) -> Tensor:
 
 
 def rotated_windows(maps: Tensor, centers: Tensor, angles: Tensor, side: int) -> Tensor:
-    """Windows of the maps, turned by each angle about each centre; zero outside the map.
+    """Cut windows of the maps, turned by each angle about each centre; zero outside the map.
 
     maps: (B, C, H, W); centers: (B, 2) float (row, col) in cells; angles: (B, R) rad -> (B, R, C, side, side).
     A window turned by the yaw of an object shows that object unrotated.

@@ -12,11 +12,12 @@ from rclpy.node import Node
 from std_msgs.msg import Empty
 from std_srvs.srv import Trigger
 
+from cliport_core import topics
+from cliport_core.action import ActionGoal
+from cliport_core.messages import goal_to_msg, result_from_msg
 from cliport_interfaces.action import PickPlace
-from cliport_perception.primitive import Outcome
-from cliport_policy import conversions
 from cliport_policy.server.logic import PolicyServer
-from cliport_policy.server.types import Moment, Proposal
+from cliport_policy.server.types import Moment
 
 
 class ExecutorLink:
@@ -28,23 +29,23 @@ class ExecutorLink:
         self._now = now
         self._server: PolicyServer | None = None
         self._handles: dict[int, ClientGoalHandle] = {}
-        self._action = ActionClient(node, PickPlace, "/panda_executor/pick_place")
-        self._stop = node.create_client(Trigger, "/panda_executor/stop")
-        self._resume = node.create_client(Trigger, "/panda_executor/resume")
-        node.create_subscription(Empty, "/panda_executor/heartbeat", self._on_heartbeat, 10)
+        self._action = ActionClient(node, PickPlace, topics.PICK_PLACE)
+        self._stop = node.create_client(Trigger, topics.EXECUTOR_STOP)
+        self._resume = node.create_client(Trigger, topics.EXECUTOR_RESUME)
+        node.create_subscription(Empty, topics.HEARTBEAT, self._on_heartbeat, 10)
 
     def attach(self, server: PolicyServer) -> None:
-        """Answers go to this server from now on."""
+        """Send answers to this server from now on."""
         self._server = server
 
     def is_ready(self) -> bool:
-        """Whether the action server is there."""
+        """Return True if the action server is there."""
         return bool(self._action.server_is_ready())
 
-    def send(self, token: int, proposal: Proposal, instruction: str) -> None:
+    def send(self, token: int, goal: ActionGoal) -> None:
         """Start one goal."""
-        goal = conversions.goal_to_msg(proposal, instruction, self._base_frame)
-        future = self._action.send_goal_async(goal, feedback_callback=lambda m: self._on_feedback(token, m))
+        message = goal_to_msg(goal, self._base_frame)
+        future = self._action.send_goal_async(message, feedback_callback=lambda m: self._on_feedback(token, m))
         future.add_done_callback(lambda done: self._on_response(token, done.result()))
 
     def cancel(self, token: int) -> None:
@@ -54,11 +55,11 @@ class ExecutorLink:
             handle.cancel_goal_async()
 
     def stop(self) -> None:
-        """The executor's own, latching stop."""
+        """Call the executor's own, latching stop."""
         self._call(self._stop)
 
     def resume(self) -> None:
-        """Ends the executor's stop."""
+        """End the executor's stop."""
         self._call(self._resume)
 
     def _call(self, client: Any) -> None:
@@ -87,8 +88,5 @@ class ExecutorLink:
         self._handles.pop(token, None)
         if self._server is None or response is None:
             return
-        result: PickPlace.Result = response.result
-        outcome = conversions.outcome_from_msg(result)
-        if outcome == Outcome.SUCCEEDED and response.status != GoalStatus.STATUS_SUCCEEDED:
-            outcome = Outcome.EXECUTION_FAILED  # an aborted goal's result may be empty
-        self._server.on_result(token, outcome, result.message, self._now())
+        ended_well = response.status == GoalStatus.STATUS_SUCCEEDED
+        self._server.on_result(token, result_from_msg(response.result, ended_well), self._now())

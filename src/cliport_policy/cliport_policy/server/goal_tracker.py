@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from enum import Enum
 
-from cliport_policy.server.types import ExecutorPort, Moment, Proposal, ServerConfig
+from cliport_core import topics
+from cliport_core.action import ActionGoal
+from cliport_policy.server.types import ExecutorPort, Moment, ServerConfig
 
 _STALL = 0.2  # a longer pause between ticks was our own; the executor is not to blame for it [s]
 
 
 class GoalPhase(Enum):
-    """Where the goal is; the value says what is waited for."""
+    """Phases of a goal; the value says what is waited for."""
 
     NONE = "nothing"
     WAITING = "the executor to appear"
@@ -28,14 +30,14 @@ class GoalTracker:
         self.phase = GoalPhase.NONE
         self._token = 0
         self._deadline = 0.0  # wall clock
-        self._goal: tuple[Proposal, str] | None = None
+        self._goal: ActionGoal | None = None
         self._heartbeat: float | None = None  # last sign of life, wall clock; None: it has never given one
         self._last_tick: float | None = None
         self._executor_phase = ""
 
-    def begin(self, proposal: Proposal, instruction: str, now: Moment) -> None:
+    def begin(self, goal: ActionGoal, now: Moment) -> None:
         """Send a goal, as soon as the executor is there. Only when the phase is NONE."""
-        self._goal = proposal, instruction
+        self._goal = goal
         self._token += 1
         self._executor_phase = ""
         self._wait_in(GoalPhase.WAITING, now, self._config.executor_timeout)
@@ -51,11 +53,11 @@ class GoalTracker:
             self._wait_in(GoalPhase.CANCELLING, now, self._config.cancel_timeout)
 
     def on_heartbeat(self, now: Moment) -> None:
-        """The executor lives."""
+        """Note that the executor lives."""
         self._heartbeat = now.wall
 
     def on_response(self, token: int, accepted: bool, now: Moment) -> bool:
-        """The executor took the goal or not; returns whether this ended a goal."""
+        """Note that the executor took the goal or not; return True if this ended a goal."""
         if token != self._token or self.phase not in (GoalPhase.SENT, GoalPhase.CANCELLING):
             return False
         if not accepted:
@@ -70,7 +72,7 @@ class GoalTracker:
         return False
 
     def on_feedback(self, token: int, phase: str, now: Moment) -> bool:
-        """The executor is in a phase; returns whether that is news."""
+        """Note the executor's phase; return True if that is news."""
         if self._heartbeat is not None:
             self._heartbeat = now.wall
         if token != self._token or self.phase != GoalPhase.ACCEPTED or phase == self._executor_phase:
@@ -79,14 +81,14 @@ class GoalTracker:
         return True
 
     def on_result(self, token: int) -> bool:
-        """The executor is through with a goal; returns whether this ended the tracked one."""
+        """Note that the executor is through with a goal; return True if this ended the tracked one."""
         if token != self._token or self.phase in (GoalPhase.NONE, GoalPhase.WAITING):
             return False
         self.phase = GoalPhase.NONE
         return True
 
     def tick(self, now: Moment) -> str | None:
-        """Call often; returns why the goal failed, once. It may then still be CANCELLING."""
+        """Return why the goal failed, once; call often. It may then still be CANCELLING."""
         pause = now.wall - self._last_tick if self._last_tick is not None else 0.0
         self._last_tick = now.wall
         if self._heartbeat is not None and pause > _STALL:
@@ -117,15 +119,12 @@ class GoalTracker:
         if phase == GoalPhase.CANCELLING:
             return f"executor lost: no answer to a cancel for {config.cancel_timeout:.1f} s"
         what = "not there" if phase == GoalPhase.WAITING else "not answering"
-        return (
-            f"the executor is {what} ({config.executor_timeout:.1f} s): is it running? "
-            "(action /panda_executor/pick_place)"
-        )
+        return f"the executor is {what} ({config.executor_timeout:.1f} s): is it running? (action {topics.PICK_PLACE})"
 
     def _send(self, now: Moment) -> None:
         if self._goal is not None:
             self._wait_in(GoalPhase.SENT, now, self._config.executor_timeout)
-            self._executor.send(self._token, *self._goal)
+            self._executor.send(self._token, self._goal)
 
     def _wait_in(self, phase: GoalPhase, now: Moment, timeout: float) -> None:
         self.phase, self._deadline = phase, now.wall + timeout

@@ -9,35 +9,38 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from cliport_perception.errors import PerceptionError
-from cliport_perception.heightmap import Heightmap
-from cliport_perception.workspace import WorkspaceSpec
-from cliport_policy.action import PickPlaceAction
+from cliport_core.errors import CoreError
+from cliport_core.heightmap import Heightmap
+from cliport_core.workspace import WorkspaceSpec
 from cliport_policy.errors import PolicyError
+from cliport_policy.inference import Inference
 from cliport_policy.memory import trim_heap
 
 WARM_UP = "put the red blocks in the green bowl"
 
 
 class InferringPolicy(Protocol):
-    """What is asked of a policy here."""
+    """A policy, as far as it is asked here."""
 
     @property
-    def workspace(self) -> WorkspaceSpec: ...
-    def infer(self, observation: Heightmap, instruction: str, with_maps: bool = False) -> PickPlaceAction: ...
+    def workspace(self) -> WorkspaceSpec:
+        """The grid that observations must have."""
+
+    def infer(self, observation: Heightmap, instruction: str, with_maps: bool = False) -> Inference:
+        """Return the next action. Raises PolicyError."""
 
 
 class InferenceAnswer(NamedTuple):
-    """Of one call: the action and what it was seen in, or one line of error."""
+    """The answer to one call: the inference and its heightmap, or one line of error."""
 
     token: int
-    action: PickPlaceAction | None
+    inference: Inference | None
     heightmap: Heightmap | None
     error: str
 
 
 class InferenceWorker:
-    """One thread; `on_answer` is called in it."""
+    """A thread that infers; `on_answer` is called in it."""
 
     def __init__(self, policy: InferringPolicy, on_answer: Callable[[InferenceAnswer], None]) -> None:
         self._policy = policy
@@ -53,7 +56,7 @@ class InferenceWorker:
         self._pool.submit(self._run, token, observe, instruction)
 
     def run(self, job: Callable[[], None]) -> Future[None]:
-        """Do something slow after what is waiting."""
+        """Run something slow after what is waiting."""
         return self._pool.submit(job)
 
     def close(self) -> None:
@@ -63,9 +66,9 @@ class InferenceWorker:
     def _run(self, token: int, observe: Callable[[], Heightmap], instruction: str) -> None:
         try:
             heightmap = observe()
-            action = self._policy.infer(heightmap, instruction, with_maps=True)
-            answer = InferenceAnswer(token, action, heightmap, "")
-        except (PolicyError, PerceptionError) as error:
+            inference = self._policy.infer(heightmap, instruction, with_maps=True)
+            answer = InferenceAnswer(token, inference, heightmap, "")
+        except (PolicyError, CoreError) as error:
             answer = InferenceAnswer(token, None, None, str(error))
         except Exception as error:  # whatever it is, the server must hear of it and say so in one line
             logging.getLogger(__name__).debug("inference failed", exc_info=True)

@@ -1,4 +1,4 @@
-"""What the policy server does when: a state machine that knows neither ROS nor networks.
+"""The policy server's behaviour: a state machine that knows neither ROS nor networks.
 
 Events come in as method calls with the moment they happened; effects go out through the ports.
 """
@@ -8,10 +8,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from cliport_perception.policy_state import PolicyState
-from cliport_perception.primitive import Outcome
-from cliport_policy.action import PickPlaceAction
+from cliport_core import topics
+from cliport_core.action import ActionGoal, Primitive
+from cliport_core.errors import InstructionError
+from cliport_core.instruction import normalized_instruction
+from cliport_core.outcome import ActionResult, Outcome
+from cliport_core.policy_state import PolicyState, ServerStatus
 from cliport_policy.errors import PolicyError
+from cliport_policy.inference import Inference
 from cliport_policy.server.goal_tracker import GoalPhase, GoalTracker
 from cliport_policy.server.types import (
     BUSY,
@@ -19,13 +23,11 @@ from cliport_policy.server.types import (
     Answer,
     ExecutorPort,
     Moment,
-    Proposal,
     ServerConfig,
     ServerEffects,
-    ServerStatus,
 )
 
-MAX_INSTRUCTION_LENGTH = 1000
+_STOPPED = f"stopped: call {topics.RESUME} to go on"
 _CLOCK_RESET_NS = 10_000_000_000  # ROS time this far before what was waited for has been set back
 
 
@@ -39,7 +41,7 @@ class PolicyServer:
         check_instruction: Callable[[str], None],
         executor: ExecutorPort,
     ) -> None:
-        """check_instruction raises PolicyError, one line, for a text that must not be acted on."""
+        """Begin idle. check_instruction raises PolicyError, one line, for a text that must not be acted on."""
         self.config = config
         self._effects = effects
         self._check_instruction = check_instruction
@@ -52,12 +54,12 @@ class PolicyServer:
         self._earliest_ns = 0  # observations taken before this show the past
         self._latest: tuple[int, Any] | None = None  # (stamp_ns, observation)
         self._observed_ns = 0  # stamp of the observation being worked on
-        self._proposal: Proposal | None = None
+        self._proposal: ActionGoal | None = None
         self._misses = 0
 
     @property
     def status(self) -> ServerStatus:
-        """The current one, as last published."""
+        """The status as last published."""
         return self._status
 
     def announce(self) -> None:
@@ -67,21 +69,23 @@ class PolicyServer:
     # what people ask for
 
     def on_instruction(self, text: str, now: Moment) -> None:
-        """A new goal; an empty one stops the current. A busy server drops what it was doing."""
+        """Take a new instruction; an empty one stops the current. A busy server drops what it was doing."""
         was_busy = self._status.state in BUSY
         self._abandon(now)
-        too_long = len(text) > MAX_INSTRUCTION_LENGTH
-        instruction = _one_line(text[:60]) + "..." if too_long else _one_line(text)
+        try:
+            instruction = normalized_instruction(text)
+        except InstructionError as error:
+            shown = _one_line(text[:60]) + "..." if len(text) > 60 else _one_line(text)
+            self._status = self._status._replace(instruction=shown, step=0)
+            self._fail(str(error))
+            return
         self._status = self._status._replace(instruction=instruction, step=0)
         if not instruction:
             message = "stopped by an empty instruction" if was_busy else "nothing to do: the instruction is empty"
             self._enter(PolicyState.IDLE, message)
             return
-        if too_long:
-            self._fail(f"the instruction has {len(text)} characters: at most {MAX_INSTRUCTION_LENGTH} are read")
-            return
         if self._stopped:
-            self._fail("the server is stopped: call /cliport/resume first")
+            self._fail(f"the server is stopped: call {topics.RESUME} first")
             return
         try:
             self._check_instruction(instruction)
@@ -94,7 +98,7 @@ class PolicyServer:
         self._observe("waiting for a fresh heightmap", now)
 
     def approve(self, now: Moment) -> Answer:
-        """A person agrees to the proposal."""
+        """Run the proposal, as a person agrees to it."""
         if self._status.state != PolicyState.WAITING_FOR_APPROVAL or self._proposal is None:
             return Answer(False, f"nothing waits for approval: the server is {self._status.state.name}")
         age = (now.ros_ns - self._proposal.stamp_ns) * 1e-9
@@ -105,15 +109,15 @@ class PolicyServer:
         return Answer(True, "approved")
 
     def stop(self, now: Moment) -> Answer:
-        """Latching: nothing moves before `resume`."""
+        """Stop until `resume`: nothing moves before it."""
         self._stopped = True
         self._executor.stop()
         self._abandon(now)
-        self._enter(PolicyState.IDLE, "stopped: call /cliport/resume to go on")
-        return Answer(True, "stopped: call /cliport/resume to go on")
+        self._enter(PolicyState.IDLE, _STOPPED)
+        return Answer(True, _STOPPED)
 
     def resume(self) -> Answer:
-        """Ends a stop; the next instruction is acted on again."""
+        """End a stop; the next instruction is acted on again."""
         self._executor.resume()
         if self._stopped:
             self._stopped = False
@@ -123,78 +127,78 @@ class PolicyServer:
     # what the camera and the policy say
 
     def on_observation(self, stamp_ns: int, observation: Any, now: Moment) -> None:
-        """A heightmap came; stamp_ns is when its images were taken."""
+        """Take a heightmap; stamp_ns is when its images were taken."""
         self._latest = stamp_ns, observation
         self._use_observation(now)
 
-    def on_proposal(self, token: int, action: PickPlaceAction, now: Moment) -> None:
-        """The policy answered."""
+    def on_proposal(self, token: int, inference: Inference, now: Moment) -> None:
+        """Take the policy's answer."""
         if token != self._token or self._status.state != PolicyState.PROPOSING:
             return
         config, step = self.config, self._status.step
-        if action.done_probability >= config.done_threshold:
+        if inference.done_probability >= config.done_threshold:
             done = f"the goal looks reached after {step} steps" if step else "the goal looks reached already"
             self._enter(PolicyState.DONE, done)
         elif step >= config.max_steps:
             self._fail(f"step limit of {config.max_steps} reached")
-        elif action.confidence < config.min_confidence:
+        elif inference.confidence < config.min_confidence:
             self._fail(
-                f"not sure enough where to act (pick {action.pick_confidence:.2f}, place "
-                f"{action.place_confidence:.2f}, at least {config.min_confidence:.2f} needed)"
+                f"not sure enough where to act (pick {inference.pick_confidence:.2f}, place "
+                f"{inference.place_confidence:.2f}, at least {config.min_confidence:.2f} needed)"
             )
         else:
-            self._proposal = Proposal(action, self._observed_ns)
+            self._proposal = ActionGoal(inference.action, self._status.instruction, self._observed_ns)
             self._effects.publish_proposal(self._proposal)
             if config.require_approval:
-                self._enter(PolicyState.WAITING_FOR_APPROVAL, "waiting for a call of /cliport/approve")
+                self._enter(PolicyState.WAITING_FOR_APPROVAL, f"waiting for a call of {topics.APPROVE}")
             else:
                 self._execute(self._proposal, now)
 
     def on_inference_failed(self, token: int, message: str) -> None:
-        """The policy could not answer."""
+        """Note that the policy could not answer."""
         if token == self._token and self._status.state == PolicyState.PROPOSING:
             self._fail(message)
 
     # what the executor says
 
     def on_heartbeat(self, now: Moment) -> None:
-        """The executor lives."""
+        """Note that the executor lives."""
         self._goal.on_heartbeat(now)
 
     def on_goal_response(self, token: int, accepted: bool, now: Moment) -> None:
-        """The executor took the goal or not."""
+        """Note that the executor took the goal or not."""
         if self._goal.on_response(token, accepted, now):
             self._note_rest(now)
             if self._status.state == PolicyState.EXECUTING:
                 self._fail("the executor refused the goal: is it busy or stopped?")
 
     def on_feedback(self, token: int, phase: str, now: Moment) -> None:
-        """The executor is in a phase."""
+        """Note the executor's phase."""
         if self._goal.on_feedback(token, phase, now):
             self._enter(PolicyState.EXECUTING, f"step {self._status.step}: {phase}")
 
-    def on_result(self, token: int, outcome: Outcome, message: str, now: Moment) -> None:
-        """The executor is through with a goal."""
+    def on_result(self, token: int, result: ActionResult, now: Moment) -> None:
+        """Take the executor's result of a goal."""
         wanted = self._goal.phase != GoalPhase.CANCELLING and self._status.state == PolicyState.EXECUTING
         if not self._goal.on_result(token):
             return
         self._note_rest(now)
         if not wanted:
             return
+        outcome = result.outcome
         if outcome == Outcome.SUCCEEDED:
             self._misses = 0
             self._observe(f"step {self._status.step} done, looking again", now)
         elif outcome in TRY_AGAIN and self._misses < self.config.retries:
             self._misses += 1
-            what = outcome.name.lower().replace("_", " ")
-            self._observe(f"{what}, trying again ({self._misses} of {self.config.retries})", now)
+            self._observe(f"{outcome.label}, trying again ({self._misses} of {self.config.retries})", now)
         else:
-            self._fail(f"executor: {outcome.name}" + (f": {_one_line(message)}" if message else ""))
+            self._fail(f"executor: {outcome.name}" + (f": {_one_line(result.message)}" if result.message else ""))
 
     # what the clock says
 
     def tick(self, now: Moment) -> None:
-        """Call often (20 Hz): every wait ends here when nothing else ends it."""
+        """End the waits that nothing else ends; call often (20 Hz)."""
         reason = self._goal.tick(now)
         if reason is not None:
             if self._goal.phase == GoalPhase.NONE:
@@ -207,7 +211,7 @@ class PolicyServer:
         if state == PolicyState.OBSERVING:
             self._fail(
                 f"no fresh heightmap for {config.observation_timeout:.1f} s: is the camera running? "
-                "(topic /cliport/heightmap)"
+                f"(topic {topics.HEIGHTMAP})"
             )
         elif state == PolicyState.PROPOSING:
             self._fail(f"the policy gave no answer within {config.inference_timeout:.0f} s")
@@ -216,9 +220,10 @@ class PolicyServer:
 
     def _enter(self, state: PolicyState, message: str, deadline: float | None = None) -> None:
         shown = self._proposal if state in (PolicyState.WAITING_FOR_APPROVAL, PolicyState.EXECUTING) else None
-        confidence = shown.action.confidence if shown else 0.0
+        confidence = shown.action.confidence if shown else None
+        primitive = shown.action.primitive if shown else Primitive.PICK_PLACE
         self._deadline = deadline
-        self._status = self._status._replace(state=state, message=message, confidence=confidence)
+        self._status = self._status._replace(state=state, message=message, confidence=confidence, primitive=primitive)
         self._effects.publish_status(self._status)
 
     def _fail(self, reason: str) -> None:
@@ -257,13 +262,13 @@ class PolicyServer:
         self._enter(PolicyState.PROPOSING, "choosing", now.wall + self.config.inference_timeout)
         self._effects.start_inference(self._token, observation, self._status.instruction)
 
-    def _execute(self, proposal: Proposal, now: Moment) -> None:
+    def _execute(self, goal: ActionGoal, now: Moment) -> None:
         step = self._status.step + 1
         self._status = self._status._replace(step=step)
         self._enter(PolicyState.EXECUTING, f"step {step}: asking the executor")
-        self._goal.begin(proposal, self._status.instruction, now)
+        self._goal.begin(goal, now)
 
 
 def _one_line(text: str) -> str:
-    """Printable, without line breaks or doubled blanks: it goes into logs and messages."""
+    """Return printable text without line breaks or doubled blanks: it goes into logs and messages."""
     return " ".join("".join(c if c.isprintable() else " " for c in text).split())

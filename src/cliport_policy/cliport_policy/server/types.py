@@ -1,13 +1,13 @@
-"""The words that the policy server speaks: states, limits, events and effects."""
+"""The policy server's types: groups of states, limits, moments, answers and ports."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
 from typing import Any, NamedTuple, Protocol
 
-from cliport_perception.policy_state import PolicyState
-from cliport_perception.primitive import Outcome
-from cliport_policy.action import PickPlaceAction
+from cliport_core.action import ActionGoal
+from cliport_core.outcome import Outcome
+from cliport_core.policy_state import PolicyState, ServerStatus
 from cliport_policy.errors import ConfigError
 
 BUSY = (
@@ -65,46 +65,40 @@ class Moment(NamedTuple):
     ros_ns: int
 
 
-class Proposal(NamedTuple):
-    """An action and the stamp [ns, ROS time] of the observation that it came from."""
-
-    action: PickPlaceAction
-    stamp_ns: int
-
-
-class ServerStatus(NamedTuple):
-    """What the server tells the world; step counts the actions begun for the instruction.
-
-    confidence: of the action that waits or is executed, the lesser of pick and place; 0 in other states.
-    """
-
-    state: PolicyState
-    message: str
-    instruction: str
-    step: int
-    confidence: float = 0.0
-
-
 class Answer(NamedTuple):
-    """To a service call: whether it was done, and one line."""
+    """The answer to a service call: success, and one line."""
 
     success: bool
     message: str
 
 
 class ServerEffects(Protocol):
-    """What the world sees of the server, and its thinking; the token of an inference comes back with it."""
+    """Effects of the server on the world, and its inferences; the token of an inference comes back with it."""
 
-    def publish_status(self, status: ServerStatus) -> None: ...
-    def publish_proposal(self, proposal: Proposal) -> None: ...
-    def start_inference(self, token: int, observation: Any, instruction: str) -> None: ...
+    def publish_status(self, status: ServerStatus) -> None:
+        """Publish a status."""
+
+    def publish_proposal(self, goal: ActionGoal) -> None:
+        """Publish what the policy proposes."""
+
+    def start_inference(self, token: int, observation: Any, instruction: str) -> None:
+        """Start an inference; its answer comes later, with the token."""
 
 
 class ExecutorPort(Protocol):
     """The executor, asked without waiting: its answers come as events that carry the goal's token."""
 
-    def is_ready(self) -> bool: ...
-    def send(self, token: int, proposal: Proposal, instruction: str) -> None: ...
-    def cancel(self, token: int) -> None: ...
-    def stop(self) -> None: ...
-    def resume(self) -> None: ...
+    def is_ready(self) -> bool:
+        """Return True if the executor is there."""
+
+    def send(self, token: int, goal: ActionGoal) -> None:
+        """Ask for a goal."""
+
+    def cancel(self, token: int) -> None:
+        """Ask for a goal's end."""
+
+    def stop(self) -> None:
+        """Ask for a stop that holds until `resume`."""
+
+    def resume(self) -> None:
+        """End a stop."""

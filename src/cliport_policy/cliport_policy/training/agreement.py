@@ -1,4 +1,4 @@
-"""How often a network does what the expert did in held-out demonstrations."""
+"""Agreement of a network with the expert in held-out demonstrations."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ AGREE_YAW = math.radians(10)
 
 @dataclass(frozen=True)
 class Agreement:
-    """Share of held-out demonstrations with which the policy agrees: 3 cm for poses, 10 degrees for yaw.
+    """Shares of held-out demonstrations in which the policy agrees: 3 cm for positions, 10 degrees for yaw.
 
-    pick is a lower bound: where several objects would do, another choice than the expert's counts as wrong.
+    pick is a lower bound: if several objects would do, another choice than the expert's counts as wrong.
     """
 
     pick: float
@@ -49,26 +49,26 @@ def agreement(network: PolicyNetwork, data: Mixture, indices: Iterable[int]) -> 
         batch = collate([make_sample(data[index], phrasebook, None, plain, rng)]).to(device)
         goal = network.encode_goal(batch.phrases, batch.goal_images)
         logits = network.score_picks(batch.images, goal)[0]
-        _count(hits["done"], (float(logits.softmax(0)[-1]) > 0.5) == demo.done)
+        _tally(hits["done"], (float(logits.softmax(0)[-1]) > 0.5) == demo.done)
         if demo.done:
             continue
         cols = batch.images.shape[-1] // cell
         best = int(logits[:-1].argmax())
-        _count(hits["pick"], _near((cell * (best // cols), cell * (best % cols)), demo.pick_pixel, radius))
+        _tally(hits["pick"], _within((cell * (best // cols), cell * (best % cols)), demo.pick_pixel, radius))
         yaws, places = network.score_rotations(batch.images, goal, batch.pick)
         yaw = 0.0 if yaws is None else int(yaws[0].argmax()) * 2 * math.pi / network.config.n_rotations
         period = min(demo.pick_yaw_period, math.pi)
-        _count(hits["yaw"], abs(math.remainder(yaw - demo.pick_yaw, period)) < AGREE_YAW)
+        _tally(hits["yaw"], abs(math.remainder(yaw - demo.pick_yaw, period)) < AGREE_YAW)
         best = int(places[0].max(0).values.argmax())
-        _count(hits["place"], _near((cell * (best // cols), cell * (best % cols)), demo.place_pixel, radius))
+        _tally(hits["place"], _within((cell * (best // cols), cell * (best % cols)), demo.place_pixel, radius))
     share = {name: right / max(total, 1) for name, (right, total) in hits.items()}
     return Agreement(share["pick"], share["yaw"], share["place"], share["done"], n)
 
 
-def _count(tally: list[int], right: bool) -> None:
+def _tally(tally: list[int], right: bool) -> None:
     tally[0] += int(right)
     tally[1] += 1
 
 
-def _near(a: tuple[int, int], b: tuple[int, int], radius: float) -> bool:
+def _within(a: tuple[int, int], b: tuple[int, int], radius: float) -> bool:
     return math.hypot(a[0] - b[0], a[1] - b[1]) < radius

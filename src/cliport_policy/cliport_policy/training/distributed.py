@@ -1,8 +1,8 @@
-"""The processes that train one network together, as torchrun starts them; one process is a group of one.
+"""Processes that train one network together, as torchrun starts them; one process is a group of one.
 
 Each handles an equal share of every step's samples and all add up their gradients, so a network without batch norm
 learns the same in a group of any size. Batch norm (the compact network) takes its statistics from each process's own
-share, and from each accumulated part of it: keep these at 8 samples or more. What is saved are the first process's.
+share, and from each accumulated part of it: keep these at 8 samples or more. The first process's are saved.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ DEVICES = ("auto", "cpu", "cuda")
 
 @dataclass(frozen=True)
 class Group:
-    """This process's place among them, and its device."""
+    """Process's rank in a group of processes, and its device."""
 
     rank: int = 0
     size: int = 1
@@ -30,7 +30,7 @@ class Group:
 
     @property
     def is_first(self) -> bool:
-        """Whether this process saves and reports."""
+        """True in the process that saves and reports."""
         return self.rank == 0
 
     def share(self, network: nn.Module) -> None:
@@ -40,13 +40,17 @@ class Group:
                 dist.broadcast(value, 0)
 
     def sum(self, values: Tensor) -> Tensor:
-        """The sum over all processes, in place. Raises TrainingError where one of them has ended."""
+        """Return the sum over all processes, in place.
+
+        Raises:
+            TrainingError: if one of them has ended.
+        """
         if self.size > 1:
             _all_reduce(values)
         return values
 
     def sum_gradients(self, parameters: Iterable[nn.Parameter]) -> None:
-        """Replace each gradient by its sum over all processes; none counts as 0."""
+        """Replace each gradient by its sum over all processes; an absent one counts as 0."""
         if self.size == 1:
             return
         learning = [p for p in parameters if p.requires_grad]
@@ -56,11 +60,11 @@ class Group:
             parameter.grad = gradient.view_as(parameter)
 
     def any(self, flag: bool) -> bool:
-        """Whether it is true in any process."""
+        """Return True if the flag is True in any process."""
         return flag if self.size == 1 else bool(self.sum(torch.tensor(float(flag), device=self.device)) > 0)
 
     def leave(self) -> None:
-        """Call when all is done."""
+        """Leave the group, after the last exchange."""
         if self.size > 1:
             dist.destroy_process_group()
 
@@ -73,9 +77,10 @@ def _all_reduce(values: Tensor) -> None:
 
 
 def join_group(device: str = "auto") -> Group:
-    """The group that torchrun's environment tells of, over nccl on GPUs and gloo on CPUs.
+    """Join the group that torchrun's environment describes, over nccl on GPUs and gloo on CPUs.
 
-    Raises TrainingError where a GPU is asked for and there is none.
+    Raises:
+        TrainingError: if a GPU is asked for and there is none.
     """
     has_gpu = torch.cuda.is_available()
     if device == "cuda" and not has_gpu:

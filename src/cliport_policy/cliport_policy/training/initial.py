@@ -1,29 +1,33 @@
-"""The checkpoint that a fine-tuning begins with: its weights, its config and the sentences it knows."""
+"""Checkpoint that a fine-tuning begins with: its weights, its config and the sentences it knows."""
 
 from __future__ import annotations
 
-import hashlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from torch import Tensor
 
-from cliport_perception.workspace import WorkspaceSpec
-from cliport_policy.checkpoint import ANCHORS, Card, load_checkpoint, resolve_checkpoint
+from cliport_core.workspace import WorkspaceSpec
+from cliport_policy.checkpoint import ANCHORS, Card, load_checkpoint, resolve_checkpoint, weights_sha256
+from cliport_policy.data.demonstrations import DemonstrationSet
+from cliport_policy.data.primitives import check_primitive
 from cliport_policy.errors import CheckpointError, ConfigError, DataError
 from cliport_policy.language import ENCODER_NAME
 from cliport_policy.named_configs import AnyNetworkConfig
 from cliport_policy.networks.policy_network import PolicyNetwork
 
-# Which encoders stand in for which is settled when a network is built, and put_into compares what came of it.
+# The choice of a fallback encoder is made when a network is built; put_into compares its result.
 _SETTLED_LATER = {"encoder", "fallback_encoder"}
 
 
 @dataclass(frozen=True, eq=False)
 class Initial:
-    """A checkpoint as it was asked for: name, the SHA-256 of its weights file, tensors by name and card."""
+    """Checkpoint as it was asked for.
+
+    name: path or shipped name. sha256: of its weights file.
+    """
 
     name: str
     sha256: str
@@ -32,11 +36,11 @@ class Initial:
 
     @property
     def anchors(self) -> Tensor:
-        """(A, 384), the spread of the sentences it was trained on."""
+        """Spread of the sentences that the checkpoint was trained on: (A, 384)."""
         return self.tensors[ANCHORS]
 
     def check_network(self, given: AnyNetworkConfig) -> None:
-        """Raise ConfigError, naming what differs, where a config is not the checkpoint's."""
+        """Raise ConfigError, naming what differs, if a config is not the checkpoint's."""
         mine, theirs = self.card.network.to_dict(), given.to_dict()
         differing = [
             f"{key} {theirs.get(key)} not {mine.get(key)}"
@@ -50,7 +54,7 @@ class Initial:
             )
 
     def check_workspace(self, given: WorkspaceSpec) -> None:
-        """Raise DataError, naming what differs, where the data's workspace is not the checkpoint's."""
+        """Raise DataError, naming what differs, if the data's workspace is not the checkpoint's."""
         mine, theirs = self.card.workspace.to_dict(), given.to_dict()
         differing = [f"{name} {theirs[name]} not {mine[name]}" for name in mine if mine[name] != theirs[name]]
         if differing:
@@ -59,8 +63,16 @@ class Initial:
                 "make the data set with the checkpoint's workspace, or train without --init"
             )
 
+    def check_primitive(self, sets: Sequence[DemonstrationSet]) -> None:
+        """Raise DataError, in words, where a demonstration is of another primitive than the checkpoint's."""
+        check_primitive(sets, self.card.primitive, self.name)
+
     def put_into(self, network: PolicyNetwork) -> None:
-        """Give a network the weights. Raises CheckpointError where they do not fit it or its encoders."""
+        """Give a network the weights.
+
+        Raises:
+            CheckpointError: if they do not fit it or its encoders.
+        """
         if network.encoder_identity != self.card.frozen:
             raise CheckpointError(
                 f"checkpoint {self.name} was trained on the encoders '{self.card.frozen}'; "
@@ -73,16 +85,20 @@ class Initial:
             raise CheckpointError(f"checkpoint {self.name} does not fit its card ({reason}): restore it") from error
 
     def to_dict(self) -> dict[str, Any]:
-        """For the card of what comes of it."""
+        """Return plain values for the card of a network that begins with this checkpoint."""
         return {"checkpoint": self.name, "sha256": self.sha256, "made_by": self.card.made_by}
 
 
 def load_initial(path_or_name: str | Path) -> Initial:
-    """A checkpoint by path or shipped name. Raises CheckpointError where it can't be used."""
+    """Load a checkpoint by path or shipped name.
+
+    Raises:
+        CheckpointError: if it can't be used.
+    """
     path = resolve_checkpoint(path_or_name)
     tensors, card = load_checkpoint(path)
     if card.encoder != ENCODER_NAME:
         raise CheckpointError(f"checkpoint {path} needs the text encoder {card.encoder!r}; here is {ENCODER_NAME!r}")
     if ANCHORS not in tensors:
         raise CheckpointError(f"checkpoint {path} lacks {ANCHORS}: train again")
-    return Initial(str(path_or_name), hashlib.sha256(path.read_bytes()).hexdigest(), tensors, card)
+    return Initial(str(path_or_name), weights_sha256(path), tensors, card)

@@ -1,4 +1,4 @@
-"""What a training shows: one line of progress, and TensorBoard's curves and affordance pictures."""
+"""Display of a training: one line of progress, and TensorBoard's curves and affordance pictures."""
 
 from __future__ import annotations
 
@@ -18,18 +18,19 @@ from cliport_policy.training.trainer import Progress
 
 _SMOOTHING = 0.98
 _BAR = 24  # characters
-_LINE_STEPS = 50  # between lines where the output is no terminal
-_REFRESH = 0.5  # s, on a terminal
+_LINE_STEPS = 50  # steps between lines if the output is no terminal
+_REFRESH = 0.5  # s between refreshes on a terminal
 _SCALAR_STEPS = 10
 
 
 class ProgressLine:
-    """A bar with losses, pace and time left: one line that changes on a terminal, a line now and then elsewhere."""
+    """Bar with losses, pace and time left: one line that changes on a terminal, a line now and then elsewhere."""
 
     def __init__(self, out: TextIO) -> None:
         self._out, self._shown, self._means = out, 0.0, dict[str, float]()
 
     def __call__(self, progress: Progress) -> None:
+        """Show a step."""
         for name, value in progress.losses.items():
             self._means[name] = _SMOOTHING * self._means.get(name, value) + (1 - _SMOOTHING) * value
         last = progress.step == progress.steps
@@ -41,7 +42,7 @@ class ProgressLine:
             print(self.line(progress), file=self._out, flush=True)
 
     def line(self, progress: Progress) -> str:
-        """`[####----] 500/6000  locator 2.31  ...  31 samples/s  24 min left`"""
+        """Return `[####----] 500/6000  locator 2.31  ...  31 samples/s  24 min left`."""
         filled = _BAR * progress.step // progress.steps
         losses = "  ".join(f"{name} {value:.3f}" for name, value in self._means.items())
         return (
@@ -51,7 +52,7 @@ class ProgressLine:
 
 
 class EventLog:
-    """TensorBoard's event files in a folder; steps at or after first_step that were logged before count no more."""
+    """Writer of TensorBoard's event files; steps at or after first_step that were logged before are discarded."""
 
     def __init__(self, folder: Path, first_step: int) -> None:
         try:
@@ -60,6 +61,7 @@ class EventLog:
             raise TrainingError(f"can't write to {folder} ({error}): give another --out") from error
 
     def __call__(self, progress: Progress) -> None:
+        """Log every tenth step, and the last."""
         if progress.step % _SCALAR_STEPS and progress.step != progress.steps:
             return
         for name, value in progress.losses.items():
@@ -68,18 +70,19 @@ class EventLog:
         self._writer.add_scalar("samples_per_s", progress.samples_per_s, progress.step)
 
     def picture(self, name: str, picture: NDArray[np.uint8], step: int) -> None:
-        """(H, W, 3) RGB."""
+        """Log a picture, (H, W, 3) RGB."""
         self._writer.add_image(name, picture, step, dataformats="HWC")
         self._writer.flush()
 
     def close(self) -> None:
+        """Write out and close the files."""
         self._writer.close()
 
 
 def affordance_picture(policy: Policy, drawn: Drawn) -> NDArray[np.uint8]:
-    """Where a policy would pick, and below it where it would place, in a demonstration: (H, W, 3) RGB."""
+    """Draw a policy's pick affordance above its place affordance in a demonstration: (H, W, 3) RGB."""
     observation = drawn.data.observation(drawn.frame)
     goal = drawn.data.observation(drawn.goal) if drawn.goal else None
-    action = policy.infer(observation, drawn.demo.instruction, with_maps=True, goal=goal)
-    maps = {"pick": action.maps.pick, "place": action.maps.place} if action.maps else {}
-    return np.concatenate([render_overlay(observation, maps.get(kind), action, kind) for kind in ("pick", "place")])
+    inference = policy.infer(observation, drawn.demo.instruction, with_maps=True, goal=goal)
+    maps = {"pick": inference.maps.pick, "place": inference.maps.place} if inference.maps else {}
+    return np.concatenate([render_overlay(observation, maps.get(kind), inference, kind) for kind in ("pick", "place")])

@@ -26,15 +26,16 @@ class Losses(NamedTuple):
     transport: Tensor
 
     def total(self) -> Tensor:
+        """Return the weighted sum that is minimised."""
         return self.locator + 0.3 * self.rotator + self.transport
 
 
 def compute_losses(
     network: PolicyNetwork, batch: Batch, config: TrainConfig, samples: int | None = None, actions: int | None = None
 ) -> Losses:
-    """Losses of a batch of any network; 0 for a rotator that it lacks.
+    """Return the losses of a batch of any network; 0 for a rotator that it lacks.
 
-    samples, actions: of the whole that this batch is a part of, where it is: the parts' losses sum up to the whole's.
+    samples, actions: numbers of the whole step if this batch is a part of one: the parts' losses sum up to the whole's.
     """
     goal = network.encode_goal(batch.phrases, batch.goal_images)
     act = ~batch.done
@@ -46,15 +47,15 @@ def compute_losses(
     locator = soft_cross_entropy(network.score_picks(batch.images, goal).float(), target).sum() / n_samples
     if not act.any():
         return Losses(locator, locator.new_zeros(()), locator.new_zeros(()))
-    draws = _Draws(batch.seeds[~batch.done.cpu()], network.config.n_rotations, batch.images.device)
+    noise = _SampleNoise(batch.seeds[~batch.done.cpu()], network.config.n_rotations, batch.images.device)
     images, goal = batch.images[act], goal.select(act)
-    rotator = _rotator_losses(network, batch, images, goal, config, draws)
-    transport = _transport_losses(network, batch, images, goal, size, config, draws)
+    rotator = _rotator_losses(network, batch, images, goal, config, noise)
+    transport = _transport_losses(network, batch, images, goal, size, config, noise)
     return Losses(locator, rotator.sum() / n_actions, transport.sum() / n_actions)
 
 
-class _Draws:
-    """What chance decides, sample by sample, so that it does not depend on how samples are batched.
+class _SampleNoise:
+    """Random numbers of each sample's own seed, so that they do not depend on how samples are batched.
 
     pick: (A, 2) standard normal; yaws, places: (A, k) uniform.
     """
@@ -66,16 +67,16 @@ class _Draws:
 
 
 def _rotator_losses(
-    network: PolicyNetwork, batch: Batch, images: Tensor, goal: Goal, config: TrainConfig, draws: _Draws
+    network: PolicyNetwork, batch: Batch, images: Tensor, goal: Goal, config: TrainConfig, noise: _SampleNoise
 ) -> Tensor:
-    """(A,), of samples with an action."""
+    """Return the losses (A,) of the samples with an action."""
     act = ~batch.done
     make = yaw_target if config.targets == "soft" else yaw_label
     bins = make(batch.pick_yaw[act], batch.pick_yaw_period[act], network.config.n_rotations)  # (A, k)
-    chosen, _ = _competing(bins.argmax(1), draws.yaws, config.rotator_rotations)  # (A, R) bin indices
+    chosen, _ = _draw_competitors(bins.argmax(1), noise.yaws, config.rotator_rotations)  # (A, R) bin indices
     angles = bin_angles(bins.shape[1], bins.device)[chosen]
     # The predicted pixel is never exact: the crop is not centred exactly either.
-    pick = batch.pick[act] + (draws.pick * 1.5 if config.jitter else 0.0)
+    pick = batch.pick[act] + (noise.pick * 1.5 if config.jitter else 0.0)
     logits = network.score_yaws(images, goal, pick, angles)
     if logits is None:
         return images.new_zeros(len(images))
@@ -90,13 +91,13 @@ def _transport_losses(
     goal: Goal,
     size: tuple[int, int],
     config: TrainConfig,
-    draws: _Draws,
+    noise: _SampleNoise,
 ) -> Tensor:
-    """(A,), of samples with an action."""
+    """Return the losses (A,) of the samples with an action."""
     act = ~batch.done
     angles = bin_angles(network.config.n_rotations, images.device)
     right = torch.round(batch.rotation[act] / (2 * math.pi / len(angles))).long() % len(angles)  # (A,)
-    chosen, slot = _competing(right, draws.places, config.transport_rotations)  # (A, R), (A,)
+    chosen, slot = _draw_competitors(right, noise.places, config.transport_rotations)  # (A, R), (A,)
     logits = network.score_places(images, goal, batch.pick[act], angles[chosen]).float()  # (A, R, h, w)
     target = _cells(batch.place[act], size, network.cell_size, config)  # (A, h, w), for the right rotation
     at_right = logits[torch.arange(len(slot), device=slot.device), slot]
@@ -108,9 +109,9 @@ def _cells(pixels: Tensor, size: tuple[int, int], cell: int, config: TrainConfig
 
 
 def soft_cells(pixels: Tensor, size: tuple[int, int], cell: int = 2) -> Tensor:
-    """A narrow Gaussian around each float (row, col) pixel on the grid of cells: (B, h, w), sums to 1.
+    """Return a narrow Gaussian around each float (row, col) pixel on the grid of cells: (B, h, w), sums to 1.
 
-    It is 0 everywhere for a pixel far outside, as a done frame's meaningless ones may be.
+    It is 0 everywhere for a pixel far outside, such as the meaningless ones of a finished scene.
     """
     rows, cols = _offsets(pixels, size, cell)
     weight = torch.exp(-(rows[:, :, None].square() + cols[:, None, :].square()) / (2 * CELL_SIGMA**2))
@@ -118,22 +119,23 @@ def soft_cells(pixels: Tensor, size: tuple[int, int], cell: int = 2) -> Tensor:
 
 
 def cell_label(pixels: Tensor, size: tuple[int, int], cell: int = 2) -> Tensor:
-    """As soft_cells, but 1 in the one cell that holds the pixel."""
+    """Return 1 in the one cell that holds each pixel, otherwise 0: (B, h, w)."""
     rows, cols = _offsets(torch.round(pixels), size, cell)
     return ((rows.abs() < 0.5)[:, :, None] & (cols.abs() < 0.5)[:, None, :]).float()
 
 
 def _offsets(pixels: Tensor, size: tuple[int, int], cell: int) -> tuple[Tensor, Tensor]:
-    """Each cell's distance in cells from the pixel: rows (B, h), columns (B, w)."""
+    """Return each cell's distance in cells from the pixel: rows (B, h), columns (B, w)."""
     cells = (pixels - (cell - 1) / 2) / cell
     rows, cols = (torch.arange(n, device=pixels.device)[None] for n in size)
     return rows - cells[:, 0, None], cols - cells[:, 1, None]
 
 
 def yaw_target(yaw: Tensor, period: Tensor, n_rotations: int) -> Tensor:
-    """Soft target over the rotation bins: every bin that shows the object the same way is right. (B, k), sums to 1.
+    """Return a soft target over the rotation bins, (B, k), that sums to 1.
 
-    A parallel gripper looks the same after half a turn, so the period is at most pi.
+    Every bin that shows the object the same way is right. A parallel gripper looks the same after half a turn, so the
+    period is at most pi.
     """
     period = torch.clamp(period, max=math.pi)[:, None]
     angles = bin_angles(n_rotations, yaw.device)[None]
@@ -143,19 +145,22 @@ def yaw_target(yaw: Tensor, period: Tensor, n_rotations: int) -> Tensor:
 
 
 def yaw_label(yaw: Tensor, period: Tensor, n_rotations: int) -> Tensor:
-    """As yaw_target, but 1 in the one bin nearest to the least of the yaws that are right."""
+    """Return 1 in the one bin nearest to the least of the right yaws, otherwise 0: (B, k)."""
     least = torch.remainder(yaw, torch.clamp(period, max=math.pi))
     return F.one_hot(torch.round(least / (2 * math.pi / n_rotations)).long() % n_rotations, n_rotations).float()
 
 
 def soft_cross_entropy(logits: Tensor, target: Tensor) -> Tensor:
-    """(B, N) logits and a distribution (B, N) -> (B,)."""
+    """Return the cross-entropy (B,) of logits (B, N) against a distribution (B, N)."""
     return logits.logsumexp(1) * target.sum(1) - (target * logits).sum(1)
 
 
-def _competing(right: Tensor, noise: Tensor, size: int) -> tuple[Tensor, Tensor]:
-    """(A,) bins and (A, k) noise in 0..1 -> (A, size) bins, the right one first and others in random order, or all k
-    in their own order; and where among them the right one is: (A,)."""
+def _draw_competitors(right: Tensor, noise: Tensor, size: int) -> tuple[Tensor, Tensor]:
+    """Draw the bins that compete in a softmax: (A, size), the right one first and others in random order.
+
+    All k bins in their own order compete if size is 0 or at least k. The second value is the right one's place: (A,).
+    right: (A,) bins. noise: (A, k) in 0..1.
+    """
     k = noise.shape[1]
     if not 0 < size < k:
         return torch.arange(k, device=right.device).expand(len(right), -1), right

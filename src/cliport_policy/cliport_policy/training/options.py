@@ -1,4 +1,4 @@
-"""The command line of `train`, as checked values."""
+"""Command line of `train`, as checked values."""
 
 from __future__ import annotations
 
@@ -25,11 +25,14 @@ _TRAIN = "train."
 
 @dataclass(frozen=True)
 class TrainOptions:
-    """What a training is asked to do. data: folders with their weights; n_demos: episodes a task of each.
+    """Options of a training.
 
+    config_name: stem of the network's config, "" with --init, where the checkpoint's card knows it.
+    data: folders with their weights; n_demos: number of episodes of each task.
     initial: the checkpoint to begin with; None: random weights.
     """
 
+    config_name: str
     network: AnyNetworkConfig
     initial: Initial | None
     train: TrainConfig
@@ -45,15 +48,18 @@ class TrainOptions:
 
 
 def parse_options(argv: Sequence[str] | None) -> TrainOptions:
-    """Raises ConfigError, in one line with the nearest valid name, for a setting that can't be.
+    """Parse the command line. With --init the network's config is the checkpoint's.
 
-    With --init the network's config is the checkpoint's; raises CheckpointError where there is none.
+    Raises:
+        ConfigError: in one line with the nearest valid name, for a setting that can't be.
+        CheckpointError: if --init names no checkpoint.
     """
     args = _parser().parse_args(argv)
     changes = dict(_setting(text) for text in args.set)
     network = {name: value for name, value in changes.items() if not name.startswith(_TRAIN)}
     initial = None if args.init is None else load_initial(args.init)
     return TrainOptions(
+        config_name="" if initial is not None else Path(args.config or DEFAULT_CONFIG).stem,
         network=_network_config(args.config, network, initial),
         initial=initial,
         train=_train_config(args, {n.removeprefix(_TRAIN): v for n, v in changes.items() if n not in network}),

@@ -1,27 +1,28 @@
-"""What a network is shown: reworded, moved and repainted samples with their labels, as one picture to look over."""
+"""Sheet of training samples, reworded, moved and repainted, with their labels, to look over before training."""
 
 from __future__ import annotations
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from torch import Tensor
 
-from cliport_perception.heightmap import Heightmap
-from cliport_perception.pose import PlanarPose
-from cliport_perception.workspace import WorkspaceSpec
+from cliport_core.heightmap import Heightmap
+from cliport_core.pose import PlanarPose
+from cliport_core.workspace import WorkspaceSpec
 from cliport_policy.data.batches import Batch
 from cliport_policy.explain_picture import render_grippers, titled
 from cliport_policy.observation import unscaled
 from cliport_policy.overlays import render_scene
 
-MOST = 12  # samples of a sheet
+MAX_SAMPLES = 12
 _COLUMNS = 3
-_WIDTH = 480  # of one sample
+_WIDTH = 480  # pixels of one sample
 
 
 def sample_sheet(batch: Batch, workspace: WorkspaceSpec) -> NDArray[np.uint8]:
-    """Up to 12 samples of a batch, each under its sentence, with the grippers at pick and place: (H, W, 3) RGB."""
-    count = min(len(batch.phrases), MOST)
+    """Draw up to 12 samples of a batch under their sentences, with the grippers at pick and place: (H, W, 3) RGB."""
+    count = min(len(batch.phrases), MAX_SAMPLES)
     pictures = [_sample(batch, i, workspace) for i in range(count)]
     pictures += [np.zeros_like(pictures[0])] * (-count % _COLUMNS)
     return np.vstack([np.hstack(pictures[i : i + _COLUMNS]) for i in range(0, len(pictures), _COLUMNS)])
@@ -35,9 +36,14 @@ def _sample(batch: Batch, i: int, workspace: WorkspaceSpec) -> NDArray[np.uint8]
     if done:
         picture = render_scene(scene)
     else:
-        pick, place = (workspace.pixel_to_xy(*(float(v) for v in pixels[i])) for pixels in (batch.pick, batch.place))
-        ends = PlanarPose(*pick, yaw), PlanarPose(*place, yaw + float(batch.rotation[i]))
-        picture = render_grippers(scene, *ends)
+        pick = _pose(workspace, batch.pick[i], yaw)
+        place = _pose(workspace, batch.place[i], yaw + float(batch.rotation[i]))
+        picture = render_grippers(scene, pick, place)
     height = round(_WIDTH * picture.shape[0] / picture.shape[1])
     small = cv2.resize(picture, (_WIDTH, height), interpolation=cv2.INTER_AREA)
     return titled(f"{batch.phrases[i]}{'   (finished)' if done else ''}", small)
+
+
+def _pose(workspace: WorkspaceSpec, pixel: Tensor, yaw: float) -> PlanarPose:
+    x, y = workspace.pixel_to_xy(float(pixel[0]), float(pixel[1]))
+    return PlanarPose(x, y, yaw)

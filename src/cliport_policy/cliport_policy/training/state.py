@@ -1,4 +1,4 @@
-"""All that resuming a training needs, in one file of tensors: no pickle."""
+"""State of a training, complete enough to resume from, in one file of tensors: no pickle."""
 
 from __future__ import annotations
 
@@ -21,9 +21,12 @@ _CONFIG_NAME = "training_config.json"
 def save_state(
     folder: Path, parts: Mapping[str, nn.Module], optimizer: torch.optim.Optimizer, step: int, identity: dict[str, Any]
 ) -> None:
-    """Write modules, optimiser and step; what was there stays where that fails, with a CheckpointError.
+    """Write modules, optimiser and step; the previous state stays if that fails.
 
     identity: the settings, which a training that resumes must share.
+
+    Raises:
+        CheckpointError: if the state can't be written.
     """
     state = {f"{part}.{name}": value for part, module in parts.items() for name, value in module.state_dict().items()}
     for index, slot in optimizer.state_dict()["state"].items():
@@ -37,9 +40,10 @@ def save_state(
 def resume_state(
     folder: Path, parts: Mapping[str, nn.Module], optimizer: torch.optim.Optimizer, identity: dict[str, Any]
 ) -> int:
-    """Put modules and optimiser where the folder's training stopped; the step, 0 where nothing was begun.
+    """Restore modules and optimiser from a folder; return the step, 0 if nothing was begun there.
 
-    Raises DataError where the folder is of other settings (but for the number of steps) or damaged.
+    Raises:
+        DataError: if the folder has other settings (but for the number of steps) or is damaged.
     """
     if not (folder / _NAME).is_file():
         return 0
@@ -47,9 +51,9 @@ def resume_state(
         _check_settings(json.loads((folder / _CONFIG_NAME).read_text()), identity)
         state = load_file(folder / _NAME)
         for part, module in parts.items():
-            module.load_state_dict(_part(state, f"{part}."))
+            module.load_state_dict(_strip_prefix(state, f"{part}."))
         slots: dict[int, dict[str, Tensor]] = {}
-        for name, value in _part(state, "optimizer.").items():
+        for name, value in _strip_prefix(state, "optimizer.").items():
             index, key = name.split(".", 1)
             slots.setdefault(int(index), {})[key] = value
         optimizer.load_state_dict({"state": slots, "param_groups": optimizer.state_dict()["param_groups"]})
@@ -62,20 +66,21 @@ def resume_state(
 
 
 def _check_settings(begun: dict[str, Any], given: dict[str, Any]) -> None:
-    was, now = _flat(begun), _flat(json.loads(json.dumps(given)))
+    was, now = _flatten(begun), _flatten(json.loads(json.dumps(given)))
+    was.setdefault("primitive", now.get("primitive"))  # earlier versions did not write it down
     for name in sorted(was.keys() | now.keys()):
         if name != "train.steps" and was.get(name) != now.get(name):
             raise ValueError(f"{name} was {was.get(name)!r}, not {now.get(name)!r}")
 
 
-def _flat(values: Any, name: str = "") -> dict[str, Any]:
+def _flatten(values: Any, name: str = "") -> dict[str, Any]:
     if not isinstance(values, dict):
         return {name: values}
     found: dict[str, Any] = {}
     for key, value in values.items():
-        found |= _flat(value, f"{name}.{key}" if name else str(key))
+        found |= _flatten(value, f"{name}.{key}" if name else str(key))
     return found
 
 
-def _part(state: dict[str, Tensor], prefix: str) -> dict[str, Tensor]:
+def _strip_prefix(state: dict[str, Tensor], prefix: str) -> dict[str, Tensor]:
     return {name[len(prefix) :]: value for name, value in state.items() if name.startswith(prefix)}

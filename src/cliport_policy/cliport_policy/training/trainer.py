@@ -1,4 +1,4 @@
-"""The training loop: steps, averaged weights, checkpoints by minutes and by steps, and resuming to the exact state."""
+"""Training loop: steps, averaged weights, checkpoints by minutes and by steps, and resuming to the exact state."""
 
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ from cliport_policy.config import TrainConfig
 from cliport_policy.data.batches import Phrasebook
 from cliport_policy.data.loader import THREADS, Loader, StepBatches
 from cliport_policy.data.mixture import Mixture, Source
+from cliport_policy.data.primitives import primitive_taught
 from cliport_policy.data.recolor import Recoloring
 from cliport_policy.errors import ConfigError, TrainingError
 from cliport_policy.language import ENCODER_NAME, TextEncoder
@@ -34,15 +35,18 @@ from cliport_policy.training.state import resume_state, save_state
 logger = logging.getLogger(__name__)
 
 N_ANCHORS = 64
-MAX_PHRASES = 9_000  # in other colours: their embeddings fit the encoder's memory
-# Below every sentence of the training grammar (0.60 at the least for wordings not drawn) and above what is said of
-# other things (0.38 at the most in a list of thirty).
+MAX_PHRASES = 9_000  # wordings with repainted colours, whose embeddings fit the encoder's cache
+# Lower than the similarity of every sentence of the training grammar (at least 0.60 for wordings not drawn) and higher
+# than that of sentences about other things (at most 0.38 in a list of thirty).
 MIN_SIMILARITY = 0.45
-ALONE = Group()
+SINGLE_PROCESS = Group()
 
 
 class Progress(NamedTuple):
-    """After a step. losses: of that step, by name. samples_per_s, minutes_left: by the pace since this start."""
+    """Report after a step.
+
+    losses: the step's, by name. samples_per_s, minutes_left: by the pace since this start.
+    """
 
     step: int
     steps: int
@@ -53,7 +57,7 @@ class Progress(NamedTuple):
 
 
 class Trainer:
-    """Trains one network on a mixture of data sets into one folder; made again on that folder, it resumes."""
+    """Training of one network on a mixture of data sets into one folder; made again on that folder, it resumes."""
 
     def __init__(
         self,
@@ -63,16 +67,27 @@ class Trainer:
         config: TrainConfig,
         encoder: TextEncoder,
         made_by: dict[str, Any],
-        group: Group = ALONE,
+        group: Group = SINGLE_PROCESS,
         initial: Initial | None = None,
     ) -> None:
-        """initial: what to begin with, of this network_config; None: random weights.
+        """Build or restore network, optimiser and loader.
 
-        Raises ConfigError where the settings do not fit the network, DataError where the data or the folder do not,
-        EncoderError where an encoder's file is absent and CheckpointError where the initial weights do not fit.
+        initial: checkpoint of this network_config to begin with; None: random weights.
+
+        Raises:
+            ConfigError: if the settings do not fit the network.
+            DataError: if the data or the folder do not fit.
+            EncoderError: if an encoder's file is absent.
+            CheckpointError: if the initial weights do not fit.
         """
         self.folder, self.config, self.made_by, self.group, self.encoder = folder, config, made_by, group, encoder
         self.initial = initial
+        sets = [source.data for source in sources]
+        if initial is None:
+            self.primitive = primitive_taught(sets)
+        else:
+            initial.check_primitive(sets)
+            self.primitive = initial.card.primitive
         torch.manual_seed(config.seed)
         network = build_network(network_config).to(group.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
         if config.rearrange_probability and network.needs_goal_image:
@@ -89,10 +104,10 @@ class Trainer:
             network.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay
         )
         self.data = Mixture(sources, config.done_share, network.needs_goal_image)
-        recoloring, phrasebook = self._sentences()
+        recoloring, phrasebook = self._draw_wordings()
         self.loader = Loader(self.data, phrasebook, config, recoloring, group.rank, group.size)
-        self._anchors = self._known_sentences(phrasebook) if group.is_first else None
-        self.step = resume_state(folder, self._learned(), self.optimizer, self._identity())
+        self._anchors = self._anchor_vectors(phrasebook) if group.is_first else None
+        self.step = resume_state(folder, self._modules(), self.optimizer, self._identity())
 
     def run(
         self,
@@ -103,12 +118,15 @@ class Trainer:
         keep_steps: Collection[int] = (),
         on_save: Callable[[], None] = lambda: None,
     ) -> None:
-        """Train until the last step, max_minutes or should_stop; saves every save_minutes and at the end.
+        """Train until the last step, max_minutes or should_stop; save every save_minutes and at the end.
 
-        keep_steps: after which a policy is kept for good, as checkpoints/step-NNNNNNN.safetensors.
-        on_step and on_save are called in the group's first process only.
-        Raises TrainingError when the loss is no number, CheckpointError when nothing can be saved, and DataError
-        when an observation can't be read; what was saved last stays.
+        keep_steps: steps after which a policy is kept for good, as checkpoints/step-NNNNNNN.safetensors.
+        on_step and on_save are called in the group's first process only. After an error the last save stays.
+
+        Raises:
+            TrainingError: if the loss is no number.
+            CheckpointError: if nothing can be saved.
+            DataError: if an observation can't be read.
         """
         started = saved = time.monotonic()
         first = self.step
@@ -134,19 +152,19 @@ class Trainer:
             on_save()
 
     def save(self) -> None:
-        """Write the averaged weights as a policy, and all that resuming needs."""
+        """Write the averaged weights as a policy, and the state to resume from."""
         self.save_policy(self.folder / "policy.safetensors")
-        save_state(self.folder, self._learned(), self.optimizer, self.step, self._identity())
+        save_state(self.folder, self._modules(), self.optimizer, self.step, self._identity())
 
     def save_policy(self, path: Path) -> None:
         """Write the averaged weights and their card."""
         tensors = {name: value.cpu() for name, value in self.average.state_dict().items()}
-        save_checkpoint(path, {**tensors, ANCHORS: self._spread_of_sentences()}, self._card())
+        save_checkpoint(path, {**tensors, ANCHORS: self._require_anchors()}, self._card())
 
     def policy(self) -> Policy:
-        """The averaged network as one that acts, on the CPU."""
+        """Return the averaged network as a policy that acts, on the CPU."""
         network = self.average if self.group.device.type == "cpu" else copy.deepcopy(self.average).cpu()
-        return Policy(network, self._spread_of_sentences(), self._card(), self.encoder)
+        return Policy(network, self._require_anchors(), self._card(), self.encoder)
 
     def _train_step(self, step: StepBatches) -> dict[str, float]:
         self.network.train()
@@ -158,7 +176,7 @@ class Trainer:
         device = self.group.device
         sums = torch.zeros(len(Losses._fields), device=device)
         for part in step.parts:
-            with torch.autocast(device.type, torch.bfloat16, enabled=self._uses_bfloat16()):
+            with torch.autocast(device.type, torch.bfloat16, enabled=self._autocasts()):
                 losses = compute_losses(self.network, part.to(device), self.config, step.samples, step.actions)
             losses.total().backward()
             sums += torch.stack(losses).detach()
@@ -172,7 +190,7 @@ class Trainer:
         self._update_average()
         return values
 
-    def _uses_bfloat16(self) -> bool:
+    def _autocasts(self) -> bool:
         if self.config.precision == "auto":
             return self.group.device.type == "cuda" or has_fast_bfloat16()
         return self.config.precision == "bfloat16"
@@ -198,11 +216,11 @@ class Trainer:
             (self.config.steps - self.step) / steps_per_s / 60,
         )
 
-    def _learned(self) -> dict[str, nn.Module]:
+    def _modules(self) -> dict[str, nn.Module]:
         own = {"network": self.network}
         return own if self.average is self.network else {**own, "average": self.average}
 
-    def _sentences(self) -> tuple[Recoloring | None, Phrasebook]:
+    def _draw_wordings(self) -> tuple[Recoloring | None, Phrasebook]:
         config, sentences = self.config, self.data.instructions()
         phrases, rng = config.phrases_per_goal, np.random.default_rng((config.seed, 1))
         if config.recolor == "none":
@@ -212,14 +230,15 @@ class Trainer:
         sentences = sorted({*sentences, *recoloring.sentences()})
         return recoloring, Phrasebook(sentences, min(phrases, MAX_PHRASES // len(sentences)), rng)
 
-    def _known_sentences(self, phrasebook: Phrasebook) -> Tensor:
-        """Those of this training, and of the one that it goes on from: what was understood is not refused."""
-        own = _spread(phrase_vectors(self.encoder, phrasebook.all_phrases()))
+    def _anchor_vectors(self, phrasebook: Phrasebook) -> Tensor:
+        """Return anchors of this training and of its initial checkpoint, whose sentences must not be refused now."""
+        own = _farthest_points(phrase_vectors(self.encoder, phrasebook.all_phrases()))
         return own if self.initial is None else torch.cat((self.initial.anchors, own))
 
     def _identity(self) -> dict[str, Any]:
         drawn_from = {"demonstrations": len(self.data), "weights": [source.weight for source in self.data.sources]}
         identity = {"network": self.network.config.to_dict(), "train": self.config.to_dict(), "data": drawn_from}
+        identity["primitive"] = self.primitive.label
         return identity if self.initial is None else {**identity, "init": self.initial.sha256}
 
     def _card(self) -> Card:
@@ -238,24 +257,25 @@ class Trainer:
                 "data": [{"weight": source.weight, **source.data.meta} for source in self.data.sources],
             },
             frozen=self.network.encoder_identity,
+            primitive=self.primitive,
         )
 
-    def _spread_of_sentences(self) -> Tensor:
+    def _require_anchors(self) -> Tensor:
         assert self._anchors is not None, "the group's first process saves"
         return self._anchors
 
 
 def phrase_vectors(encoder: TextEncoder, phrases: list[str], chunk: int = 2560) -> Tensor:
-    """Sentence vectors of all training phrases (P, 384); the encoder remembers their tokens."""
+    """Return sentence vectors of all training phrases (P, 384); the encoder remembers their tokens."""
     vectors: list[Tensor] = []
     for start in range(0, len(phrases), chunk):
-        vectors.append(encoder.batch(phrases[start : start + chunk]).sentence_vectors())
+        vectors.append(encoder.encode_cached(phrases[start : start + chunk]).sentence_vectors())
         logger.info("embedding phrases: %d of %d", min(start + chunk, len(phrases)), len(phrases))
     return torch.cat(vectors)
 
 
-def _spread(vectors: Tensor) -> Tensor:
-    """A spread of sentences' vectors (greedy farthest points): (64, 384), unit length."""
+def _farthest_points(vectors: Tensor) -> Tensor:
+    """Return up to 64 of the sentence vectors, far from each other (greedy farthest points): (64, 384), unit length."""
     chosen = [0]
     nearest = vectors @ vectors[0]
     while len(chosen) < min(N_ANCHORS, len(vectors)):

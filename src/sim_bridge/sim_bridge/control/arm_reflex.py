@@ -7,7 +7,9 @@ from typing import Protocol
 
 import numpy as np
 
+from panda_model import ArmModel
 from sim_bridge.control.trajectory_spline import Array, TrajectorySpline
+from sim_bridge.robot import ROBOT
 
 
 class JointStates(Protocol):
@@ -22,23 +24,35 @@ class JointStates(Protocol):
 
 @dataclass(frozen=True)
 class ArmControllerConfig:
-    """Limits of the arm (the Panda's datasheet) and default tolerances; angles in rad, speeds in rad/s.
+    """Names and limits of the arm, by default the Panda, and tolerances; angles in rad, speeds in rad/s.
 
     A tolerance of 0 is not checked. The two `..._jump` values are what an arm's reflex allows between what it
     does and what it is told to do next.
     """
 
-    joint_names: tuple[str, ...] = tuple(f"panda_joint{i}" for i in range(1, 8))
-    lower: tuple[float, ...] = (-2.8973, -1.7628, -2.8973, -3.0718, -2.8973, -0.0175, -2.8973)
-    upper: tuple[float, ...] = (2.8973, 1.7628, 2.8973, -0.0698, 2.8973, 3.7525, 2.8973)
-    velocity: tuple[float, ...] = (2.175,) * 4 + (2.61,) * 3
-    acceleration: tuple[float, ...] = (15.0, 7.5, 10.0, 12.5, 15.0, 20.0, 20.0)
+    joint_names: tuple[str, ...] = ROBOT.arm_joints
+    lower: tuple[float, ...] = tuple(ROBOT.limits.lower.tolist())
+    upper: tuple[float, ...] = tuple(ROBOT.limits.upper.tolist())
+    velocity: tuple[float, ...] = tuple(ROBOT.limits.velocity.tolist())
+    acceleration: tuple[float, ...] = tuple(ROBOT.limits.acceleration.tolist())
     path_tolerance: float = 0.2
     goal_tolerance: float = 0.01
     stopped_velocity: float = 0.05
     position_jump: float = 0.02
     velocity_jump: float = 0.1
     max_brake_s: float = 0.25
+
+    @classmethod
+    def for_arm(cls, arm: ArmModel) -> ArmControllerConfig:
+        """Return the default tolerances with the names and limits of this arm."""
+        limits = arm.limits
+        return cls(
+            arm.arm_joints,
+            tuple(limits.lower.tolist()),
+            tuple(limits.upper.tolist()),
+            tuple(limits.velocity.tolist()),
+            tuple(limits.acceleration.tolist()),
+        )
 
 
 @dataclass(frozen=True)

@@ -21,6 +21,7 @@ import numpy as np
 from sim_bridge.control.goal_status import GoalStatus
 from sim_bridge.control.trajectory_spline import Array
 from sim_bridge.errors import SimBridgeError
+from sim_bridge.robot import HAND
 
 __all__ = [
     "GoalStatus",
@@ -59,12 +60,12 @@ class GripperConfig:
     object stops are reported as `stalled`, and hold it.
     """
 
-    max_width: float = 0.08
-    speed: float = 0.1
+    max_width: float = HAND.opening
+    speed: float = HAND.speed
     default_effort: float = 20.0
-    max_effort: float = 60.0
-    epsilon_inner: float = 0.08
-    epsilon_outer: float = 0.08
+    max_effort: float = HAND.allowed_force
+    epsilon_inner: float = HAND.opening
+    epsilon_outer: float = HAND.opening
     franka_quirks: bool = True
     position_tolerance: float = 0.001
     settle_speed: float = 0.008

@@ -1,4 +1,7 @@
-"""An everyday object at its own size, from which shapes of any size are made."""
+"""An everyday object at its own size, from which shapes of any size are made.
+
+See docs/benchmark.md, "Everyday objects".
+"""
 
 from __future__ import annotations
 
@@ -9,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import ConvexHull
 
-from cliport_perception import Pose
+from cliport_core import Pose
 from sim_bridge.errors import SimulationError
 from sim_bridge.everyday.merging import merged
 from sim_bridge.geometry.mesh import TriangleMesh
@@ -20,7 +23,7 @@ FloatArray = npt.NDArray[np.float64]
 MASS = 0.1  # of every object, whatever its size [kg]
 FRICTION = 1.0
 ROLLING_FRICTION = 0.002  # round things come to rest where they fell [m]
-SCALE_OF_EDGE = 5.0  # an object's scale is this times its cell's longest edge [1/m] (specification, section 5)
+SCALE_OF_EDGE = 5.0  # an object's scale is this times its cell's longest edge [1/m]
 THINNEST = 0.020  # that the camera sees well and the fingers hold [m]
 
 

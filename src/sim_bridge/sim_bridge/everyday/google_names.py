@@ -1,5 +1,7 @@
-"""Names of the benchmark's Google Scanned Objects (task specification, section 5), and a colour for each where a
-folder has meshes without any."""
+"""Names of the benchmark's Google Scanned Objects, and a colour for each where a folder has meshes without any.
+
+See docs/benchmark.md, "Everyday objects".
+"""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ _MOST = 12  # pieces; beyond that a union may add more
 
 
 def merged(pieces: Sequence[FloatArray]) -> list[FloatArray]:
-    """Corners (N, 3) of convex pieces, of which those are made one whose common hull is hardly larger."""
+    """Merge pieces whose joint hull adds little volume; corners (N, 3) of convex pieces in and out."""
     kept = dict(enumerate(_hull(piece) for piece in pieces))
     total = sum(volume for _, volume in kept.values())
     unions = {pair: _union(kept, *pair) for pair in itertools.combinations(kept, 2)}
@@ -32,7 +32,7 @@ def merged(pieces: Sequence[FloatArray]) -> list[FloatArray]:
 
 
 def _hull(corners: FloatArray) -> tuple[FloatArray, float]:
-    """The corners that matter, and the volume of their convex hull."""
+    """The vertices of the convex hull, and its volume."""
     hull = ConvexHull(corners)
     return corners[hull.vertices], float(hull.volume)
 

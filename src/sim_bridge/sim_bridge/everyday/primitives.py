@@ -14,7 +14,7 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
-from cliport_perception import Pose
+from cliport_core import Pose
 from sim_bridge.colors import Rgb
 from sim_bridge.geometry.mesh import TriangleMesh
 

@@ -8,15 +8,16 @@ from functools import lru_cache
 from sim_bridge.geometry.mesh import TriangleMesh
 from sim_bridge.objects.collision import Collision
 from sim_bridge.objects.shape import Pinch, Shape
+from sim_bridge.robot import HAND
 
 BLOCK_SIZE = 0.04  # edge [m]
 BLOCK_MASS = 0.03  # [kg]
-WIDEST_PINCH = 0.072  # that the hand still takes with room to spare [m]
+WIDEST_PINCH = HAND.widest - 0.003  # that the hand still takes with room to spare [m]
 
 
 @lru_cache(maxsize=1)
 def block_shape() -> Shape:
-    """The cube of the bowl and pyramid tasks (task specification, section 3), heavier for steadier grasps."""
+    """The cube of the bowl and pyramid tasks (docs/benchmark.md, "Objects"), heavier for steadier grasps."""
     return cuboid("block", (BLOCK_SIZE, BLOCK_SIZE, BLOCK_SIZE), BLOCK_MASS)
 
 

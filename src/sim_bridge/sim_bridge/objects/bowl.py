@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from functools import lru_cache
 
-from cliport_perception import Pose
+from cliport_core import Pose
 from sim_bridge.geometry.mesh import TriangleMesh
 from sim_bridge.objects.collision import BoxPart, Collision, CylinderPart
 from sim_bridge.objects.shape import Shape
@@ -15,14 +15,14 @@ BOWL_BASE_RADIUS = 0.050  # outer, at the table [m]
 BOWL_HEIGHT = 0.035  # [m]
 BOWL_FLOOR = 0.008  # thickness [m]
 BOWL_WALL = 0.005  # thickness [m]
-BOWL_MASS = 0.12  # of a bowl that can move [kg]
+BOWL_MASS = 0.1  # of a bowl that can move [kg]
 
 _WALL_PIECES = 15  # with the floor as many pieces as PyBullet allows in one compound shape
 
 
 @lru_cache(maxsize=1)
 def bowl_shape() -> Shape:
-    """The bowl (task specification, section 3), its frame on its axis at half its height."""
+    """The bowl (docs/benchmark.md, "Objects"), its frame on its axis at half its height."""
     low, rim, floor = -BOWL_HEIGHT / 2, BOWL_HEIGHT / 2, -BOWL_HEIGHT / 2 + BOWL_FLOOR
     inner_floor = _outer_radius(BOWL_FLOOR) - BOWL_WALL
     profile = [

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import ConvexHull
 
-from cliport_perception import Pose
+from cliport_core import Pose
 from sim_bridge.bullet import pybullet
 from sim_bridge.errors import SimulationError
 

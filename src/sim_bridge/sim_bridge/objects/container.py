@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from cliport_perception import Pose
+from cliport_core import Pose
 from sim_bridge.colors import rgb
 from sim_bridge.geometry.mesh import TriangleMesh
 from sim_bridge.objects.collision import BoxPart, Collision
@@ -13,7 +13,7 @@ WALL = 0.002  # thickness of floor and walls [m]
 
 
 def container_shape(width: float, depth: float) -> Shape:
-    """A container of outer size width (x) and depth (y) [m] (task specification, section 3), its frame at
+    """A container of outer size width (x) and depth (y) [m] (docs/benchmark.md, "Objects"), its frame at
     half its height; the walls' middles lie on its outline."""
     low, tall = -CONTAINER_HEIGHT / 2, CONTAINER_HEIGHT
     boxes = [

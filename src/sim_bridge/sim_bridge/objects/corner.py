@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from cliport_perception import Pose
+from cliport_core import Pose
 from sim_bridge.colors import Rgb
 from sim_bridge.geometry.mesh import TriangleMesh
 from sim_bridge.objects.shape import Shape
@@ -14,8 +14,8 @@ _HEIGHT = 0.001  # [m]
 
 
 def corner_shape(x: float, y: float) -> Shape:
-    """Two strips along the +x and the +y edge of a box of size x, y [m], meeting at its corner (task
-    specification, section 3); only seen. Its frame is the middle of that box."""
+    """Two strips along the +x and the +y edge of a box of size x, y [m], meeting at its corner; only
+    seen (docs/benchmark.md, "Objects"). Its frame is the middle of that box."""
     along = TriangleMesh.box((_LENGTH, _LINE, _HEIGHT))
     across = TriangleMesh.box((_LINE, _LENGTH, _HEIGHT))
     end_x, end_y = x / 2 + _LINE, y / 2 + _LINE

@@ -8,7 +8,7 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
-from cliport_perception import Pose
+from cliport_core import Pose
 from sim_bridge.colors import rgb
 from sim_bridge.geometry.mesh import TriangleMesh
 from sim_bridge.objects.collision import HULL_PADDING, BoxPart, Collision, CylinderPart, HullPart
@@ -18,11 +18,11 @@ from sim_bridge.objects.tiles import tile_row
 HANOI_TILE = 0.12  # edge, and distance between the pegs [m]
 HANOI_STAND_HEIGHT = 0.01  # of the tiles [m]
 PEG_RADIUS = 0.005  # [m]
-PEG_HEIGHT = 0.03  # above the tiles [m]
+PEG_HEIGHT = 0.045  # above the tiles: the third ring is threaded, too, and the palm clears it beside the lowest [m]
 RING_DIAMETERS = (0.05, 0.06, 0.07)  # small to large [m]
 HOLE_DIAMETER = 0.03  # [m]
 RING_THICKNESS = 0.02  # [m]
-RING_MASS = 0.05  # [kg]
+RING_MASS = 0.1  # [kg]
 
 _PEG_MIDDLE = (HANOI_STAND_HEIGHT + PEG_HEIGHT) / 2  # in the stand's frame [m]
 _PIECES = 12  # of a ring in physics, one on its x axis: the jaws close on two that face each other
@@ -34,7 +34,7 @@ _CORNERS = 48  # of a ring as it is seen
 
 @lru_cache(maxsize=1)
 def hanoi_stand_shape() -> Shape:
-    """Three tiles with a peg on each (task specification, section 3), its frame in the tiles' middle."""
+    """Three tiles with a peg on each (docs/benchmark.md, "Objects"), its frame in the tiles' middle."""
     pegs = [
         CylinderPart(PEG_RADIUS, PEG_HEIGHT, Pose.from_xyz_rpy((0.0, y, _PEG_MIDDLE), (0.0, 0.0, 0.0)))
         for y in (-HANOI_TILE, 0.0, HANOI_TILE)

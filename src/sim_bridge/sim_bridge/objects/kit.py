@@ -1,10 +1,10 @@
-"""The kit: a slab with prints where the kitting shapes belong (task specification, section 3)."""
+"""The kit: a slab with prints where the kitting shapes belong (docs/benchmark.md, "Objects")."""
 
 from __future__ import annotations
 
 from functools import lru_cache
 
-from cliport_perception import Pose
+from cliport_core import Pose
 from sim_bridge.colors import Rgb, rgb
 from sim_bridge.geometry.mesh import TriangleMesh
 from sim_bridge.objects.collision import Collision

@@ -1,4 +1,7 @@
-"""The twenty kitting shapes: prisms with the outlines of the task specification, section 4."""
+"""The twenty kitting shapes: prisms with the extents of the original's outlines.
+
+See docs/benchmark.md, "Kitting shapes".
+"""
 
 from __future__ import annotations
 
@@ -9,7 +12,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from cliport_perception import Pose
+from cliport_core import Pose
 from sim_bridge.geometry.mesh import TriangleMesh
 from sim_bridge.objects import kit_outlines as plain
 from sim_bridge.objects import letter_outlines as letters
@@ -27,7 +30,7 @@ _MARGIN = 0.0009  # by which PyBullet makes a hull thicker on every side [m]
 
 @dataclass(frozen=True)
 class KitShape:
-    """A row of the specification's table.
+    """A row of the table in docs/benchmark.md, "Kitting shapes".
 
     period: what the metric takes for the same, when the shape is turned by it [rad]; 0 when every turn is.
     symmetry: what truly maps the outline on itself; the same, but for the triangle, which is not equilateral.

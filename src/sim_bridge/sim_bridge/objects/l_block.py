@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from functools import lru_cache
 
-from cliport_perception import Pose
+from cliport_core import Pose
 from sim_bridge.colors import rgb
 from sim_bridge.geometry.mesh import TriangleMesh
 from sim_bridge.objects.collision import BoxPart, Collision
@@ -25,7 +25,7 @@ _PINCH_AT = 0.035  # along a leg: clear of the other leg, near the block's middl
 
 @lru_cache(maxsize=1)
 def l_block_shape() -> Shape:
-    """Two bars that share a corner (task specification, section 3), its frame in the middle of that corner."""
+    """Two bars that share a corner (docs/benchmark.md, "Objects"), its frame in the middle of that corner."""
     outline = _l_outline(0.0)
     mesh = TriangleMesh.extruded(outline, L_HEIGHT).transformed(Pose.from_xyz_rpy((0, 0, -L_HEIGHT / 2), (0, 0, 0)))
     along = _box((_LOW, _HIGH), (_LOW, -_LOW), L_HEIGHT)

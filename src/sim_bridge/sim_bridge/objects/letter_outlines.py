@@ -1,4 +1,7 @@
-"""Outlines of the kitting letters: bold capitals in the middle of their bounding boxes (specification, 4)."""
+"""Outlines of the kitting letters: bold capitals in the middle of their bounding boxes.
+
+See docs/benchmark.md, "Kitting shapes".
+"""
 
 from __future__ import annotations
 

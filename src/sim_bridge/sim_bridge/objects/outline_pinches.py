@@ -9,8 +9,7 @@ import numpy as np
 from sim_bridge.objects.block import WIDEST_PINCH
 from sim_bridge.objects.outline import FloatArray, Outline
 from sim_bridge.objects.shape import Pinch
-
-JAW_WIDTH = 0.021  # of the fingers, across the direction in which they close [m]
+from sim_bridge.robot import HAND
 
 _SPACING = 0.00025  # of the points on the outline [m]
 _ANGLES = 180  # that are looked at over half a turn
@@ -31,7 +30,7 @@ def outline_pinches(outline: Outline) -> tuple[Pinch, ...]:
     centroid = outline.centroid
     points = _points_along(outline.corners) - centroid
     yaws = np.arange(_ANGLES) * (math.pi / _ANGLES)
-    ends = np.array([_ends(points, yaw, JAW_WIDTH) for yaw in yaws])  # (angles, 2) along the closing direction
+    ends = np.array([_ends(points, yaw, HAND.finger_width) for yaw in yaws])  # (angles, 2) along the closing direction
     widths = np.ptp(ends, axis=1)
     beside = [np.roll(widths, shift) for shift in range(-_NEIGHBOURS, _NEIGHBOURS + 1)]
     good = widths <= np.min(beside, axis=0) + _EQUAL
@@ -48,7 +47,7 @@ def outline_pinches(outline: Outline) -> tuple[Pinch, ...]:
 
 def _slope(points: FloatArray, yaw: float) -> float:
     """How much farther out jaws meet a side when they are wider than when they are narrower [m]."""
-    wide, narrow = (_ends(points, yaw, JAW_WIDTH + margin) for margin in (2 * _MARGIN, -2 * _MARGIN))
+    wide, narrow = (_ends(points, yaw, HAND.finger_width + margin) for margin in (2 * _MARGIN, -2 * _MARGIN))
     return max(narrow[0] - wide[0], wide[1] - narrow[1])
 
 

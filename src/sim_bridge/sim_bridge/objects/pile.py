@@ -1,10 +1,10 @@
-"""The small cubes that are swept, and the square outline into which they go (task specification, section 3)."""
+"""The small cubes that are swept, and the square outline into which they go (docs/benchmark.md, "Objects")."""
 
 from __future__ import annotations
 
 from functools import lru_cache
 
-from cliport_perception import Pose
+from cliport_core import Pose
 from sim_bridge.geometry.mesh import TriangleMesh
 from sim_bridge.objects.collision import Collision
 from sim_bridge.objects.shape import Shape

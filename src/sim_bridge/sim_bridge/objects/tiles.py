@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from cliport_perception import Pose
+from cliport_core import Pose
 from sim_bridge.colors import Rgb, rgb
 from sim_bridge.geometry.mesh import TriangleMesh
 

@@ -8,11 +8,12 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from cliport_perception import Pose
+from cliport_core import Pose
 from sim_bridge.geometry.mesh import TriangleMesh
 from sim_bridge.rendering.appearance import Appearance
 from sim_bridge.rendering.panda_meshes import panda_meshes
 from sim_bridge.rendering.visible import Visible
+from sim_bridge.robot import ROBOT
 
 
 class Body(NamedTuple):
@@ -37,6 +38,6 @@ def bodies_of(world: Visible, appearance: Appearance) -> list[Body]:
     """The world's things, then the arm's links, as they are now."""
     bodies = [Body(thing.mesh, world.object_pose(thing), thing.rgb) for thing in world.objects]
     for link, mesh in panda_meshes().items():
-        index = -1 if link == "panda_link0" else world.panda.link_indices[link]
+        index = -1 if link == ROBOT.base_frame else world.panda.link_indices[link]
         bodies.append(Body(mesh, world.panda.link_pose(index), appearance.robot_rgb))
     return bodies

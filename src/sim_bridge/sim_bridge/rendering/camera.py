@@ -7,10 +7,12 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from cliport_perception import CameraModel, Pose
+from cliport_core import Pose
+from cliport_perception import CameraModel
 from sim_bridge.rendering.appearance import Appearance
 from sim_bridge.rendering.clean_frame import CleanFrame
 from sim_bridge.rendering.image_window import ImageWindow
+from sim_bridge.rendering.mounting import load_camera, load_mounting
 from sim_bridge.rendering.renderer import Renderer
 from sim_bridge.rendering.sensor_noise import NoiseConfig, with_noise
 from sim_bridge.rendering.visible import Visible
@@ -20,13 +22,8 @@ _STILL = 2e-4  # a pose's numbers [m, or of a rotation matrix] change less than 
 
 
 def default_intrinsics() -> CameraModel:
-    """Kinect-2's quarter-HD format."""
-    return CameraModel(960, 540, 540.0, 540.0, 480.0, 270.0)
-
-
-def default_camera_in_base() -> Pose:
-    """About 60 degrees below horizontal, opposite the robot: up in the image points towards the robot."""
-    return Pose.looking_at((0.92, 0.0, 0.87), (0.45, 0.0, 0.0))
+    """Return the shipped camera's image size and lens (`rendering/mounting.yaml`)."""
+    return load_camera().intrinsics
 
 
 @dataclass(frozen=True)
@@ -34,7 +31,7 @@ class CameraConfig:
     """Intrinsics, pose of the optical frame (z forward) in the base frame, noise and light."""
 
     intrinsics: CameraModel = field(default_factory=default_intrinsics)
-    camera_in_base: Pose = field(default_factory=default_camera_in_base)
+    camera_in_base: Pose = field(default_factory=load_mounting)
     noise: NoiseConfig = field(default_factory=NoiseConfig)
     appearance: Appearance = field(default_factory=Appearance)
     window: ImageWindow | None = None  # the part that is rendered, the rest stays empty; None: all
@@ -88,7 +85,7 @@ class SimCamera:
     def _clean(self, world: Visible, camera_in_base: Pose, appearance: Appearance) -> CleanFrame:
         if not self.config.reuse_still:
             return self._renderer.render(world, camera_in_base, appearance)
-        what, where = _what_is_where(world, camera_in_base, appearance)
+        what, where = _scene_fingerprint(world, camera_in_base, appearance)
         if self._last is None or self._last[0] != what or np.abs(self._last[1] - where).max() > _STILL:
             self._last = what, where, self._renderer.render(world, camera_in_base, appearance)
         return self._last[2]
@@ -106,7 +103,7 @@ class SimCamera:
         return full_color, full_depth
 
 
-def _what_is_where(
+def _scene_fingerprint(
     world: Visible, camera_in_base: Pose, appearance: Appearance
 ) -> tuple[object, npt.NDArray[np.float64]]:
     """What is visible and how it is lit, to be compared for equality; and every pose as one row of numbers."""

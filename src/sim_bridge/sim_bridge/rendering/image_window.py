@@ -6,8 +6,15 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
-from cliport_perception import CameraModel, Pose, WorkspaceSpec
+from cliport_core import Pose, WorkspaceSpec
+from cliport_perception import CameraModel
+
+FloatArray = npt.NDArray[np.float64]
+
+
+_NEAREST = 0.02  # nearer to the camera's plane than this, a corner's pixel means nothing [m]
 
 
 @dataclass(frozen=True)
@@ -40,7 +47,13 @@ class ImageWindow:
             for y in (workspace.y_min, workspace.y_max)
             for z in (workspace.z_min, top)
         ]
-        pixels = camera.project(camera_in_base.inverse().apply(corners))
+        in_camera = camera_in_base.inverse().apply(corners)
+        if camera.is_distorted or in_camera[:, 2].min() < _NEAREST:
+            pixels = _pixels_into_box(camera, camera_in_base, np.array(corners))
+        else:
+            pixels = camera.project(in_camera)
+        if not len(pixels):
+            return cls(0, 0, 0, 0)
         low, high = np.min(pixels, axis=0) - border, np.max(pixels, axis=0) + border
         return cls(
             max(0, math.floor(low[0])),
@@ -58,3 +71,14 @@ class ImageWindow:
     def slices(self) -> tuple[slice, slice]:
         """For indexing an image (H, W, ...)."""
         return slice(self.row_start, self.row_end), slice(self.col_start, self.col_end)
+
+
+def _pixels_into_box(camera: CameraModel, camera_in_base: Pose, corners: FloatArray) -> FloatArray:
+    """(N, 2) the pixels (row, col) whose rays meet the upright box about corners (8, 3) [m, base frame]."""
+    origin = camera_in_base.translation
+    directions = camera.rays().reshape(-1, 3).astype(np.float64) @ camera_in_base.rotation.T
+    directions = np.where(np.abs(directions) < 1e-12, 1e-12, directions)
+    ends = np.stack([(bound - origin) / directions for bound in (corners.min(axis=0), corners.max(axis=0))])
+    enters, leaves = ends.min(axis=0).max(axis=-1), ends.max(axis=0).min(axis=-1)
+    found = np.flatnonzero((leaves >= enters) & (leaves > 0.0))
+    return np.column_stack(np.divmod(found, camera.width)).astype(np.float64)

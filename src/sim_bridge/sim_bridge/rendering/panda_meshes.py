@@ -8,6 +8,7 @@ from pathlib import Path
 import pybullet_data
 
 from sim_bridge.geometry.mesh import TriangleMesh
+from sim_bridge.robot import ROBOT
 
 _PARTS = (*(f"link{i}" for i in range(8)), "hand")
 
@@ -16,9 +17,9 @@ _PARTS = (*(f"link{i}" for i in range(8)), "hand")
 def panda_meshes() -> dict[str, TriangleMesh]:
     """By link name, each in its link's frame."""
     folder = Path(pybullet_data.getDataPath()) / "franka_panda" / "meshes" / "collision"
-    meshes = {f"panda_{name}": TriangleMesh.from_obj(folder / f"{name}.obj") for name in _PARTS}
+    meshes = {f"{ROBOT.prefix}{name}": TriangleMesh.from_obj(folder / f"{name}.obj") for name in _PARTS}
     finger = TriangleMesh.from_obj(folder / "finger.obj")
-    meshes["panda_leftfinger"] = finger
+    meshes[f"{ROBOT.prefix}leftfinger"] = finger
     # the right finger is the left one turned half round about z
-    meshes["panda_rightfinger"] = finger.transformed(scale=(-1.0, -1.0, 1.0))
+    meshes[f"{ROBOT.prefix}rightfinger"] = finger.transformed(scale=(-1.0, -1.0, 1.0))
     return meshes

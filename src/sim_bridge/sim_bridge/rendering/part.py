@@ -12,12 +12,12 @@ import numpy.typing as npt
 import open3d.core as o3c
 from open3d.t.geometry import RaycastingScene
 
-from cliport_perception import Pose
+from cliport_core import Pose
 from sim_bridge.geometry.mesh import TriangleMesh
 from sim_bridge.rendering.appearance import Appearance
+from sim_bridge.rendering.backdrop import TABLE_TRIANGLES, backdrop_colors, backdrop_mesh
 from sim_bridge.rendering.bodies import Body
 from sim_bridge.rendering.rays import Rays, dot, turned
-from sim_bridge.rendering.room import room_colors, room_mesh
 
 _LARGE = 1000  # triangles from which on a mesh's search tree is worth keeping from frame to frame
 
@@ -36,7 +36,8 @@ class Struck(NamedTuple):
 class Part:
     """M triangles with normals and colors (M, 3): of one mesh alone, in its own frame, or of several in the base frame.
 
-    pose: of that frame in the base frame.
+    pose: of that frame in the base frame. table: the look of the table that is its first triangles, where that has a
+    texture.
     """
 
     scene: RaycastingScene
@@ -45,6 +46,7 @@ class Part:
     colors: npt.NDArray[np.float32]
     alone: TriangleMesh | None
     n_threads: int
+    table: Appearance | None = None
 
     def strike(self, rays: Rays, nearer_than: npt.NDArray[np.float32]) -> Struck:
         """Those of K rays that meet it at a depth below (K,) [m]."""
@@ -58,6 +60,10 @@ class Part:
         if self.alone is not None and self.alone.texture is not None:
             texels, known = self.alone.texels(triangle, found["primitive_uvs"].numpy().take(first, axis=0))
             color[known] = texels[known]
+        if self.table is not None:
+            on_table = np.flatnonzero(triangle < TABLE_TRIANGLES)
+            points = rays.take(rows.take(first).take(on_table)).points(depth.take(first).take(on_table))
+            color[on_table] = self.table.table_colors(points)
         if self.alone is not None:
             normal = turned(normal, self.pose.rotation)
         return Struck(rows.take(first), depth.take(first), normal, color)
@@ -98,11 +104,11 @@ class Part:
 
 
 def parts_of(bodies: Sequence[Body], appearance: Appearance, n_threads: int) -> list[Part]:
-    """The room and all small bodies, then the others."""
+    """The backdrop and all small bodies, then the others."""
     apart = [len(body.mesh.triangles) >= _LARGE or body.mesh.texture is not None for body in bodies]
     together = [body for body, alone in zip(bodies, apart) if not alone]
-    vertices, normals = [room_mesh().vertices], [room_mesh().normals]
-    triangles, colors = [room_mesh().triangles], [room_colors(appearance)]
+    vertices, normals = [backdrop_mesh().vertices], [backdrop_mesh().normals]
+    triangles, colors = [backdrop_mesh().triangles], [backdrop_colors(appearance)]
     n_vertices = len(vertices[0])
     for body in together:
         vertices.append(body.pose.apply(body.mesh.vertices).astype(np.float32))
@@ -111,7 +117,8 @@ def parts_of(bodies: Sequence[Body], appearance: Appearance, n_threads: int) -> 
         colors.append(_colors(body))
         n_vertices += len(body.mesh.vertices)
     scene = _scene(np.concatenate(vertices), np.concatenate(triangles), n_threads)
-    parts = [Part(scene, Pose.identity(), np.concatenate(normals), np.concatenate(colors), None, n_threads)]
+    table = None if appearance.table_texture is None else appearance
+    parts = [Part(scene, Pose.identity(), np.concatenate(normals), np.concatenate(colors), None, n_threads, table)]
     for body, alone in zip(bodies, apart):
         if alone:
             scene = _kept_scene(body.mesh, n_threads)

@@ -9,7 +9,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from cliport_perception import CameraModel, Pose
+from cliport_core import Pose
+from cliport_perception import CameraModel
 from sim_bridge.rendering.image_window import ImageWindow
 
 _NEAREST = 0.02  # nearer to the camera's plane than this, outlines mean nothing [m]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Protocol
 
-from cliport_perception import Pose
+from cliport_core import Pose
 from sim_bridge.objects import SceneObject
 
 

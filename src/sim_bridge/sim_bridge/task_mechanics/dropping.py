@@ -1,29 +1,24 @@
-"""Drops everyday objects on the table, as they may lie about (task specification, sections 5 and 14)."""
+"""Drops everyday objects on the table, as they may lie about (docs/benchmark.md, "Everyday objects")."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
-from cliport_perception import PlanarPose, Pose
+from cliport_core import PlanarPose, Pose
 from sim_bridge.errors import LayoutError
 from sim_bridge.everyday import EverydayObject
 from sim_bridge.objects import Collision, Pinch, SceneObject, Shape
-from sim_bridge.task_mechanics.outline_space import free_outline_pose
-from sim_bridge.task_mechanics.palm_room import palm_is_free
-from sim_bridge.task_mechanics.pinch_search import FARTHEST
-from sim_bridge.task_mechanics.pinching import OUTERMOST, gripper_at, pinches_lying
-
-if TYPE_CHECKING:
-    from sim_bridge.world import SimWorld
+from sim_bridge.task_mechanics.clearance import palm_is_free
+from sim_bridge.task_mechanics.pinches import FARTHEST, OUTERMOST, gripper_at, pinches_lying
+from sim_bridge.task_mechanics.placing import FINGER_CLEARANCE, free_outline_pose
+from sim_bridge.world import SimWorld
 
 _SECONDS = 1.0  # for objects to come to rest
 _LIFT = 0.005  # the lowest point starts this high [m]
-_ROOM = 0.03  # beside an object: an opened finger [m]
 _PLACES = 8  # that are tried for one thing
 _SHARES = (1.0, 0.85, 0.72, 0.61)  # of an object's size: the largest at which it can be held as it lies
 _ASIDE = (1.0, -0.8)  # objects fall beside the scene, out of each other's way: where the first one does [m]
@@ -61,7 +56,7 @@ def drop(
             continue
         shape, pinches = held
         try:
-            at = free_outline_pose(world, shape, rng, _ROOM, tilt=attitude)
+            at = free_outline_pose(world, shape, rng, FINGER_CLEARANCE, tilt=attitude)
         except LayoutError:
             continue
         lying.append(_Lying(world.add(shape, _pose(shape, at, attitude)), attitude, at, pinches))
@@ -75,7 +70,7 @@ def _made_reachable(world: SimWorld, lying: _Lying, rng: np.random.Generator) ->
             return True
         shape = lying.thing.shape
         try:
-            lying = replace(lying, at=free_outline_pose(world, shape, rng, _ROOM, tilt=lying.attitude))
+            lying = replace(lying, at=free_outline_pose(world, shape, rng, FINGER_CLEARANCE, tilt=lying.attitude))
         except LayoutError:
             break
         world.move_object(lying.thing, _pose(shape, lying.at, lying.attitude))

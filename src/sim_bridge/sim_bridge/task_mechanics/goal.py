@@ -1,19 +1,16 @@
-"""One goal of a task and its metric (task specification, section 6)."""
+"""One goal of a task and its metric (docs/benchmark.md, "Scores")."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
-from cliport_perception import PlanarPose, Pose
+from cliport_core import PlanarPose, Pose
 from sim_bridge.objects import SceneObject
-
-if TYPE_CHECKING:
-    from sim_bridge.world import SimWorld
+from sim_bridge.world import SimWorld
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
@@ -70,7 +67,7 @@ class Goal:
         return sum(int(i.sum()) for i in inside) / sum(len(i) for i in inside)
 
     def reached(self, world: SimWorld) -> bool:
-        """Whether less than a hundredth of the task is missing (specification, section 6.4)."""
+        """Whether less than a hundredth of the task is missing (docs/benchmark.md, "Scores")."""
         return self.max_reward * (1.0 - self.value(world)) < 0.01
 
     def matched(self, world: SimWorld) -> BoolArray:

@@ -7,24 +7,22 @@ import math
 from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
-from cliport_perception import PlanarPose
+from cliport_core import PickPlaceAction, PlanarPose
 from sim_bridge.errors import SimulationError
 from sim_bridge.objects import Pinch, SceneObject
-from sim_bridge.task_mechanics.base import Choice, ExpertAction, Split, Task
-from sim_bridge.task_mechanics.finger_room import FingerRoom
+from sim_bridge.task_mechanics.clearance import FingerClearance
 from sim_bridge.task_mechanics.goal import Goal
-from sim_bridge.task_mechanics.pinching import gripper_at, pinches_of
-from sim_bridge.task_mechanics.what_lies import thing_at
+from sim_bridge.task_mechanics.object_at import object_at
+from sim_bridge.task_mechanics.pinches import gripper_at, pinches_of
+from sim_bridge.task_mechanics.placing import outline
+from sim_bridge.task_mechanics.task import JudgedAction, Split, Task
+from sim_bridge.world import SimWorld
 
-if TYPE_CHECKING:
-    from sim_bridge.world import SimWorld
-
-_FINGERTIP = 0.004  # the tips are at least this far above what a thing lies on [m]
+_TIP_CLEARANCE = 0.004  # the tips are at least this far above what a thing lies on [m]
 _UNMOVED = 0.003  # what moves less was not carried [m]
 
 FloatArray = npt.NDArray[np.float64]
@@ -55,7 +53,7 @@ class _Way:
 class GoalTask(Task):
     """A task is its scene and its goals: a subclass spawns and draws them in `set_up`.
 
-    Score, order of the goals and expert follow the task specification, sections 6.1 to 6.4 and 6.8.
+    Score, order of the goals and expert: docs/benchmark.md, "Scores" and "The expert".
     """
 
     done_sentence: str = "done."
@@ -66,6 +64,7 @@ class GoalTask(Task):
         self._world: SimWorld | None = None
         self._goals: tuple[Goal, ...] = ()
         self._reached = 0
+        self._left_score: float | None = None  # by the last action; None before the first
         self._proposed: tuple[SceneObject, FloatArray] | None = None  # to be moved, and where everything was then
         self._in_vain: list[SceneObject] = []  # were to be moved since anything moved
 
@@ -80,7 +79,7 @@ class GoalTask(Task):
     def reset(self, world: SimWorld, rng: np.random.Generator) -> None:
         """See Task."""
         self._world = world
-        self._goals, self._reached = tuple(self.set_up(world, rng)), 0
+        self._goals, self._reached, self._left_score = tuple(self.set_up(world, rng)), 0, None
         self._proposed, self._in_vain = None, []
 
     @property
@@ -91,7 +90,7 @@ class GoalTask(Task):
             SimulationError: before the first reset.
         """
         if self._world is None:
-            raise SimulationError("the task has no scene yet: call SimWorld.reset first")
+            raise SimulationError("the task has no scene yet: call reset_scene first")
         return self._world
 
     @property
@@ -105,9 +104,18 @@ class GoalTask(Task):
         return self._goals
 
     @property
+    def arrivals(self) -> Sequence[tuple[PlanarPose, float]]:
+        """Places where the task will put things down later, each with the radius of what comes [m]."""
+        return ()
+
+    @property
     def goals_reached(self) -> int:
         """See Task."""
         return self._reached
+
+    def goals_without_words(self) -> Sequence[Goal]:
+        """See Task; those that will be asked for one after the other, where nothing else could be."""
+        return self._goals
 
     @property
     def instruction(self) -> str:
@@ -121,13 +129,22 @@ class GoalTask(Task):
         return self.world.objects
 
     def score(self) -> float:
-        """Goals that were reached, and the present one's share."""
+        """See Task."""
+        return self.running_score() if self._left_score is None else self._left_score
+
+    def running_score(self) -> float:
+        """Score that an action would leave if it ended now: goals that were reached, and the present one's share."""
         goal = self.present_goal
         progress = sum(g.max_reward for g in self._goals[: self._reached])
         return float(progress + (goal.max_reward * goal.value(self.world) if goal else 0.0))
 
     def advance(self) -> None:
-        """A goal that was reached once is never looked at again; what could not be moved now waits for other things."""
+        """A goal that was reached once is never looked at again; what could not be moved now waits for other things.
+
+        The score is taken before the next goal becomes present: as far as that is fulfilled already, only the next
+        action makes it count (docs/benchmark.md, "Scores").
+        """
+        self.keep_score()
         goal = self.present_goal
         if goal is not None and goal.reached(self.world):
             self._reached += 1
@@ -138,13 +155,17 @@ class GoalTask(Task):
             self._in_vain = [*self._in_vain, thing] if still else []
             self._proposed = None
 
-    def expert_action(self) -> ExpertAction | None:
-        """The object farthest from where it belongs first; see also `expert_for`."""
-        goal = self.present_goal
-        return None if goal is None or self.done() else self.expert_for(goal)
+    def keep_score(self) -> None:
+        """Take the running score as what the last action left."""
+        self._left_score = self.running_score()
 
-    def expert_for(self, goal: Goal) -> ExpertAction | None:
-        """What brings a goal of this scene nearer; None when all its objects lie right."""
+    def expert_action(self) -> PickPlaceAction | None:
+        """See Task: the object farthest from where it belongs comes first."""
+        goal = self.present_goal
+        return None if goal is None or self.done() else self.expert_action_for(goal)
+
+    def expert_action_for(self, goal: Goal) -> PickPlaceAction | None:
+        """See Task; what was tried in vain comes last."""
         for thing, target in sorted(self.moves_to_make(goal), key=lambda move: self.tries_in_vain(move[0])):
             action = self.move(goal, thing, target)
             if action is not None:
@@ -184,17 +205,17 @@ class GoalTask(Task):
         moves.sort(key=lambda move: (-move[0], move[1]))
         return [(goal.objects[i], target) for distance, i, target in moves if distance > 0.0]
 
-    def move(self, goal: Goal, thing: SceneObject, target: PlanarPose) -> ExpertAction | None:
+    def move(self, goal: Goal, thing: SceneObject, target: PlanarPose) -> PickPlaceAction | None:
         """The pick and place that puts a thing's frame at the target: of all ways to hold and turn it, the one
-        with the most room for the fingers, then the least turn. None when it cannot be held."""
+        with the largest clearance for the fingers, then the least turn. None when it cannot be held."""
         world = self.world
         pinches = self.pinches(thing)
         if not pinches:
             return None
         here = world.planar_pose(thing)
         bottom = float(world.object_pose(thing).apply(thing.mesh.vertices)[:, 2].min())
-        at_pick = FingerRoom(world, thing, bottom + _FINGERTIP)
-        at_place = FingerRoom(world, thing, self.place_level(goal, thing) + _FINGERTIP)
+        at_pick = FingerClearance(world, thing, bottom + _TIP_CLEARANCE)
+        at_place = FingerClearance(world, thing, self.place_level(goal, thing) + _TIP_CLEARANCE)
         ways: list[_Way] = []
         for pinch, turn in itertools.product(pinches, self._turns(goal, thing, here, target)):
             pick = gripper_at(here, pinch)
@@ -205,11 +226,11 @@ class GoalTask(Task):
         quarter_too = any(way.cost == best.cost and way.is_quarter_of(best) for way in ways)
         period = math.pi / 2 if quarter_too else math.pi
         yaw = math.remainder(best.pick.yaw, period)
-        return ExpertAction(
+        return PickPlaceAction(
             PlanarPose(best.pick.x, best.pick.y, yaw),
             PlanarPose(best.place.x, best.place.y, yaw + best.turn),
-            period,
-            goal.sentence,
+            self.primitive,
+            pick_yaw_period=period,
         )
 
     def pinches(self, thing: SceneObject) -> list[Pinch]:
@@ -220,20 +241,28 @@ class GoalTask(Task):
         """Height on which a thing will lie at its target [m]; a task may know better."""
         return 0.0
 
-    def judge(self, pick: PlanarPose, place: PlanarPose) -> Choice:
+    def judge(self, pick: PlanarPose, place: PlanarPose, exact_offset: bool = False) -> JudgedAction:
         """See Task."""
-        picked = thing_at(self.world, pick.x, pick.y, movable=True)
-        under = thing_at(self.world, place.x, place.y, movable=False)
+        picked = object_at(self.world, pick.x, pick.y, movable=True)
+        under = object_at(self.world, place.x, place.y, movable=False)
         goal = self.present_goal
         if goal is None or picked is None or picked not in goal.objects:
-            return Choice(picked.described if picked else "", under.described if under else "", False, False)
+            return JudgedAction(picked.described if picked else "", under.described if under else "", False, False)
         here = self.world.planar_pose(picked)
-        turn = place.yaw - pick.yaw
-        c, s = math.cos(turn), math.sin(turn)
-        dx, dy = here.x - pick.x, here.y - pick.y
-        fits = goal.allows(picked, place.x + c * dx - s * dy, place.y + s * dx + c * dy)
+        held = pick if exact_offset else self._centred(picked, pick)
+        there = place @ held.inverse() @ here
+        fits = goal.allows(picked, there.x, there.y)
         open_moves = [thing for thing, _ in self.moves_to_make(goal)]
-        return Choice(picked.described, under.described if under else "", picked in open_moves, fits)
+        return JudgedAction(picked.described, under.described if under else "", picked in open_moves, fits)
+
+    def _centred(self, thing: SceneObject, pick: PlanarPose) -> PlanarPose:
+        """The pick moved to where the hand would hold the thing: its middle, or the nearest of its pinches."""
+        here = self.world.planar_pose(thing)
+        middle = outline(self.world, thing)
+        places = [((middle.min(axis=0) + middle.max(axis=0)) / 2).tolist()]
+        places += [(held.x, held.y) for held in (gripper_at(here, pinch) for pinch in self.pinches(thing))]
+        x, y = min(places, key=lambda at: math.hypot(at[0] - pick.x, at[1] - pick.y))
+        return PlanarPose(float(x), float(y), pick.yaw)
 
     def _turns(self, goal: Goal, thing: SceneObject, here: PlanarPose, target: PlanarPose) -> list[float]:
         """Every turn [rad] that brings a thing to its target's yaw, up to its symmetry."""

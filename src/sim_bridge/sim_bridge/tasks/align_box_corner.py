@@ -1,24 +1,24 @@
-"""align-box-corner: a box of any size onto the corner that is marked for it (task specification, section 8)."""
+"""align-box-corner: a box of any size onto the corner that is marked for it.
+
+See docs/benchmark.md, "align-box-corner".
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cliport_perception import Pose
+from cliport_core import Pose
 from sim_bridge.colors import random_brown
 from sim_bridge.objects import cuboid
 from sim_bridge.objects.block import WIDEST_PINCH
 from sim_bridge.objects.corner import corner_shape
-from sim_bridge.task_mechanics.free_space import free_pose
 from sim_bridge.task_mechanics.goal import Goal, PoseMetric
 from sim_bridge.task_mechanics.goal_task import GoalTask
-
-if TYPE_CHECKING:
-    from sim_bridge.world import SimWorld
+from sim_bridge.task_mechanics.placing import free_pose
+from sim_bridge.world import SimWorld
 
 SIDES = (0.05, 0.15)  # [m]
 HEIGHTS = (0.01, 0.06)  # [m]

@@ -1,14 +1,16 @@
-"""align-rope and manipulating-rope: a rope onto one side of a square (task specification, sections 7.1 and 8)."""
+"""align-rope and manipulating-rope: a rope onto one side of a square.
+
+See docs/benchmark.md, "align-rope" and "manipulating-rope".
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cliport_perception import PlanarPose, Pose, Primitive
+from cliport_core import PickPlaceAction, PlanarPose, Pose, Primitive
 from sim_bridge.errors import LayoutError
 from sim_bridge.objects import SceneObject
 from sim_bridge.objects.corner import PURE_GREEN
@@ -16,19 +18,16 @@ from sim_bridge.objects.rope import (
     ROPE_BEADS,
     SQUARE_SIDE,
     bead_shape,
-    leaning_chain,
     link_beads,
     square_shape,
+    standing_chain,
 )
-from sim_bridge.objects.sleeping import let_sleep
-from sim_bridge.task_mechanics.base import ExpertAction, Split
-from sim_bridge.task_mechanics.free_space import free_pose
+from sim_bridge.sleeping import let_sleep
+from sim_bridge.task_mechanics.folding import next_fold
 from sim_bridge.task_mechanics.goal import Goal, PoseMetric
 from sim_bridge.task_mechanics.goal_task import GoalTask
-from sim_bridge.tasks.rope_expert import next_fold
-
-if TYPE_CHECKING:
-    from sim_bridge.world import SimWorld
+from sim_bridge.task_mechanics.task import Split
+from sim_bridge.world import SimWorld
 
 ON_SLOT = PoseMetric(position=0.02)
 # the square's corners, in halves of its side, at which a rope begins and ends, and what the sentence calls it
@@ -40,9 +39,9 @@ SIDES: tuple[tuple[tuple[float, float], tuple[float, float], str], ...] = (
 )
 
 _FALL = 1.0  # while the rope comes to lie [s]
-_FOOTPRINT = 0.1 * math.sqrt(0.5)  # radius of the disc that the rope falls about [m]
+_FOOTPRINT = 0.1 * math.sqrt(0.5)  # from where the rope falls to the square's sides and the workspace's edge [m]
 _SQUARE_BORDER = 0.01  # between the square's corners and the workspace's edge [m]
-_ROPE_BORDER = 0.03  # between a bead and the workspace's edge [m]
+_ROPE_BORDER = 0.015  # between a bead and the workspace's edge [m]
 _DRAWS = 200  # of a pose for the square
 
 
@@ -51,6 +50,7 @@ class AlignRope(GoalTask):
 
     done_sentence = "done aligning the rope."
     primitive = Primitive.FOLD
+    sides_without_words: Sequence[int] = range(len(SIDES))  # that may be asked for
 
     def __init__(self, name: str, split: Split) -> None:
         super().__init__(name, split)
@@ -60,7 +60,7 @@ class AlignRope(GoalTask):
         """See GoalTask."""
         square = _square_pose(world, rng)
         world.add(square_shape(), square, paint=PURE_GREEN, fixed=True)
-        self.beads = _drop_rope(world, rng)
+        self.beads = _drop_rope(world, square, rng)
         return (self.goal(square, self.side(rng)),)
 
     def side(self, rng: np.random.Generator) -> int:
@@ -79,18 +79,23 @@ class AlignRope(GoalTask):
         targets = tuple(Pose(square.rotation, slot) for slot in slots)
         return Goal(self.sentence(side), self.beads, targets, either_way, ON_SLOT, max_reward=1.0, turn=False)
 
+    def goals_without_words(self) -> Sequence[Goal]:
+        """See Task: the rope along any side."""
+        square = next(self.world.object_pose(thing) for thing in self.objects if thing.shape is square_shape())
+        return [self.goal(square, side) for side in self.sides_without_words]
+
     @property
     def max_steps(self) -> int:
         """As many as there are beads."""
         return ROPE_BEADS
 
-    def expert_for(self, goal: Goal) -> ExpertAction | None:
+    def expert_action_for(self, goal: Goal) -> PickPlaceAction | None:
         """One bead to its slot, the rest of the rope behind it."""
         world = self.world
         beads = np.array([world.object_xy(bead) for bead in goal.objects])
         slots = np.array([target.translation[:2] for target in goal.targets])
         in_vain = np.array([self.tries_in_vain(bead) for bead in goal.objects])
-        chosen, action = next_fold(beads, slots, goal.sentence, in_vain)
+        chosen, action = next_fold(beads, slots, in_vain)
         if action is not None:
             self.propose(goal.objects[chosen])
         return action
@@ -100,6 +105,7 @@ class ManipulatingRope(AlignRope):
     """The rope always closes the square."""
 
     done_sentence = "done manipulating the rope."
+    sides_without_words = (0,)
 
     def side(self, rng: np.random.Generator) -> int:
         """The missing one."""
@@ -117,7 +123,7 @@ def _square_pose(world: SimWorld, rng: np.random.Generator) -> Pose:
         x = float(rng.uniform(workspace.x_min, workspace.x_max))
         y = float(rng.uniform(workspace.y_min, workspace.y_max))
         pose = PlanarPose(x, y, float(rng.uniform(-math.pi, math.pi))).as_pose()
-        if _inside(world, pose.apply(square_shape().mesh.vertices), _SQUARE_BORDER):
+        if workspace.contains(pose.apply(square_shape().mesh.vertices), _SQUARE_BORDER).all():
             return pose
     raise LayoutError(
         f"no room for a square of {1000 * SQUARE_SIDE:.0f} mm in a workspace "
@@ -125,29 +131,43 @@ def _square_pose(world: SimWorld, rng: np.random.Generator) -> Pose:
     )
 
 
-def _drop_rope(world: SimWorld, rng: np.random.Generator) -> tuple[SceneObject, ...]:
-    """The rope as it lies after its fall; its ends are white.
+def _drop_rope(world: SimWorld, square: Pose, rng: np.random.Generator) -> tuple[SceneObject, ...]:
+    """The rope as it lies after its fall, beside the square or inside it; its ends are white.
 
     Raises:
-        LayoutError: when it reaches too near to the workspace's edge.
+        LayoutError: when it found no room, or reaches too near to the workspace's edge.
     """
-    centre = free_pose(world, bead_shape(), rng, radius=_FOOTPRINT)
-    about = Pose(np.eye(3), np.array([centre.x, centre.y, 0.0]))
+    about = _free_spot(world, square, rng)
     colors = ["white", *["red"] * (ROPE_BEADS - 2), "white"]
     beads = [
-        world.add(bead_shape(), about @ pose, color) for pose, color in zip(leaning_chain(rng), colors, strict=True)
+        world.add(bead_shape(), about @ pose, color) for pose, color in zip(standing_chain(rng), colors, strict=True)
     ]
-    link_beads(world, beads)
+    link_beads(world.client, beads)
     let_sleep(world, beads)
     for _ in range(round(_FALL / world.dt)):
         world.step()
-    if not _inside(world, np.array([world.object_pose(bead).translation for bead in beads]), _ROPE_BORDER):
+    lying = np.array([world.object_xy(bead) for bead in beads])
+    if not world.config.workspace.contains(lying, _ROPE_BORDER).all():
         raise LayoutError("the rope fell too near to the workspace's edge")
     return tuple(beads)
 
 
-def _inside(world: SimWorld, points: np.ndarray, border: float) -> bool:  # type: ignore[type-arg]
-    """Whether points (N, 3) lie within the workspace, `border` [m] from its edge."""
-    spec = world.config.workspace
-    low, high = (spec.x_min + border, spec.y_min + border), (spec.x_max - border, spec.y_max - border)
-    return bool(((points[:, :2] >= low) & (points[:, :2] <= high)).all())
+def _free_spot(world: SimWorld, square: Pose, rng: np.random.Generator) -> Pose:
+    """A place with room to the workspace's edge and to the square's three sides, whose inside is free.
+
+    Raises:
+        LayoutError: when none was drawn.
+    """
+    workspace = world.config.workspace
+    low, high = np.array((workspace.x_min, workspace.y_min)), np.array((workspace.x_max, workspace.y_max))
+    for _ in range(_DRAWS):
+        at = np.array([*rng.uniform(low + _FOOTPRINT, high - _FOOTPRINT), 0.0])
+        x, y = square.inverse().apply(at)[:2] / (SQUARE_SIDE / 2)
+        to_sides = [
+            math.hypot(max(abs(x) - 1, 0.0), y + 1),
+            math.hypot(x - 1, max(abs(y) - 1, 0.0)),
+            math.hypot(x + 1, max(abs(y) - 1, 0.0)),
+        ]
+        if min(to_sides) * SQUARE_SIDE / 2 >= _FOOTPRINT:
+            return Pose(np.eye(3), at)
+    raise LayoutError("no room for the rope beside the square's sides; use a larger workspace")

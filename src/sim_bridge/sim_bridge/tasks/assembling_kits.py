@@ -1,17 +1,17 @@
-"""assembling-kits: every shape into any print that fits it, in any order (task specification, section 8)."""
+"""assembling-kits: every shape into any print that fits it, in any order.
+
+See docs/benchmark.md, "assembling-kits".
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from sim_bridge.task_mechanics.goal import Goal, PoseMetric
 from sim_bridge.tasks.kit_task import KitTask, kit_shapes_of
-
-if TYPE_CHECKING:
-    from sim_bridge.world import SimWorld
+from sim_bridge.world import SimWorld
 
 _COLORS = ("purple", "blue", "green", "yellow", "red")
 

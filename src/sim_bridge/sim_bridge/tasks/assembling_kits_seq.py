@@ -1,24 +1,26 @@
-"""assembling-kits-seq: each shape into its own print, in the sentences' order (task specification, section 7.3)."""
+"""assembling-kits-seq: each shape into its own print, in the sentences' order.
+
+See docs/benchmark.md, "assembling-kits-seq".
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from sim_bridge.objects.kit_shapes import KIT_SHAPES
-from sim_bridge.task_mechanics.base import Split
 from sim_bridge.task_mechanics.goal import FloatArray, Goal, PoseMetric
+from sim_bridge.task_mechanics.task import Split
 from sim_bridge.tasks.kit_task import N_HOLES, Fit, KitTask, kit_shapes_of
 from sim_bridge.tasks.variants import Variant
-
-if TYPE_CHECKING:
-    from sim_bridge.world import SimWorld
+from sim_bridge.world import SimWorld
 
 
 class AssemblingKitsSeq(KitTask):
     """Five shapes of five colours, one goal each."""
+
+    stepwise = True
 
     def __init__(self, name: str, split: Split, variant: Variant) -> None:
         super().__init__(name, split)

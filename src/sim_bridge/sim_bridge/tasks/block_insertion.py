@@ -1,19 +1,19 @@
-"""block-insertion: an L-shaped block into the fixture of its shape (task specification, section 8)."""
+"""block-insertion: an L-shaped block into the fixture of its shape.
+
+See docs/benchmark.md, "block-insertion".
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from sim_bridge.objects.l_block import FIXTURE_HEIGHT, L_HEIGHT, l_block_shape, l_fixture_shape
-from sim_bridge.task_mechanics.free_space import free_pose
 from sim_bridge.task_mechanics.goal import Goal, PoseMetric
 from sim_bridge.task_mechanics.goal_task import GoalTask
-
-if TYPE_CHECKING:
-    from sim_bridge.world import SimWorld
+from sim_bridge.task_mechanics.placing import free_pose
+from sim_bridge.world import SimWorld
 
 
 class BlockInsertion(GoalTask):

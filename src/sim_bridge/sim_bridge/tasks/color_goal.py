@@ -8,6 +8,7 @@ from sim_bridge.colors import rgb
 from sim_bridge.errors import GoalError
 
 DONE_SENTENCE = "done placing blocks in bowls."
+PATTERN = "put the {block} blocks in a {bowl} bowl"
 
 
 @dataclass(frozen=True)
@@ -34,4 +35,4 @@ class ColorGoal:
     @property
     def sentence(self) -> str:
         """The benchmark's sentence for this goal."""
-        return f"put the {self.block} blocks in a {self.bowl} bowl"
+        return PATTERN.format(block=self.block, bowl=self.bowl)

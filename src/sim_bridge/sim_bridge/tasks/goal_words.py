@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import re
 
+from cliport_core.errors import InstructionError
+from cliport_core.instruction import normalized_instruction
 from sim_bridge.colors import COLORS
 from sim_bridge.errors import GoalError
 from sim_bridge.tasks.color_goal import ColorGoal
@@ -23,9 +25,12 @@ def goal_colors(sentence: str) -> ColorGoal:
     the first one after it ("the cubes that are red").
 
     Raises:
-        GoalError: when a colour is missing or both are the same.
+        GoalError: when a colour is missing or both are the same, or the sentence is no instruction.
     """
-    words = re.findall(r"[a-z]+", sentence.lower()[:2000])
+    try:
+        words = re.findall(r"[a-z]+", normalized_instruction(sentence).lower())
+    except InstructionError as error:
+        raise GoalError(str(error)) from None
     marks = [(_kind(word), _SPELLINGS.get(word)) for word in words]
     marks = [m for m in marks if m[0] or m[1]]
     found: dict[str, str] = {}

@@ -5,21 +5,18 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cliport_perception import PlanarPose, Pose
+from cliport_core import PlanarPose, Pose
 from sim_bridge.objects import SceneObject
 from sim_bridge.objects.kit import HOLES_IN_KIT, KIT_SIZE, hole_poses, hole_shape, kit_slab
 from sim_bridge.objects.kit_shapes import KIT_SHAPES, SEEN_SHAPES, THICKNESS, UNSEEN_SHAPES, kit_shape
-from sim_bridge.task_mechanics.base import Split
-from sim_bridge.task_mechanics.free_space import BORDER, free_pose
 from sim_bridge.task_mechanics.goal import Goal
 from sim_bridge.task_mechanics.goal_task import GoalTask
-
-if TYPE_CHECKING:
-    from sim_bridge.world import SimWorld
+from sim_bridge.task_mechanics.placing import BORDER, free_pose
+from sim_bridge.task_mechanics.task import Split
+from sim_bridge.world import SimWorld
 
 N_HOLES = len(HOLES_IN_KIT)
 

@@ -1,20 +1,20 @@
-"""packing-box-pairs: fill the brown box with all boxes of one or two colours (task specification, section 7.5)."""
+"""packing-box-pairs: fill the brown box with all boxes of one or two colours.
+
+See docs/benchmark.md, "packing-box-pairs".
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from sim_bridge.errors import LayoutError
-from sim_bridge.task_mechanics.base import Split
-from sim_bridge.task_mechanics.box_partition import Cell
+from sim_bridge.task_mechanics.task import Split
+from sim_bridge.tasks.box_partition import Cell
 from sim_bridge.tasks.packing_boxes import PackingBoxes, add_box
 from sim_bridge.tasks.variants import Variant
-
-if TYPE_CHECKING:
-    from sim_bridge.world import SimWorld
+from sim_bridge.world import SimWorld
 
 N_DISTRACTORS = 4
 

@@ -1,32 +1,33 @@
-"""packing-boxes: fill the brown box with the boxes that it was cut into (task specification, section 8)."""
+"""packing-boxes: fill the brown box with the boxes that it was cut into.
+
+See docs/benchmark.md, "packing-boxes".
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
-from cliport_perception import Pose
+from cliport_core import Pose
 from sim_bridge.colors import COLORS
 from sim_bridge.objects import SceneObject, container_shape, cuboid
 from sim_bridge.objects.block import WIDEST_PINCH
 from sim_bridge.objects.container import CONTAINER_HEIGHT, WALL
-from sim_bridge.task_mechanics.box_partition import Cell, random_packing
+from sim_bridge.robot import HAND
 from sim_bridge.task_mechanics.goal import Goal, ZoneMetric, lattice
 from sim_bridge.task_mechanics.goal_task import GoalTask
-from sim_bridge.task_mechanics.outline_space import free_outline_pose
-
-if TYPE_CHECKING:
-    from sim_bridge.world import SimWorld
+from sim_bridge.task_mechanics.placing import free_outline_pose
+from sim_bridge.tasks.box_partition import Cell, random_packing
+from sim_bridge.world import SimWorld
 
 BOX_HEIGHT = 0.05  # [m]
 BOX_MASS = 0.1  # [kg]
 
 _SIDES = (0.05, 0.30)  # of the container [m]
 _SHORTEST = 0.05  # side of a cell that a cut leaves, with half a gap [m]
-_ROOM = 0.024  # beside a box: an opened finger [m]
+_FINGER_CLEARANCE = HAND.finger_thickness + 0.0088  # beside a box: an opened finger, with a margin [m]
 
 
 class PackingBoxes(GoalTask):
@@ -88,7 +89,7 @@ def add_container(world: SimWorld, width: float, depth: float, rng: np.random.Ge
         LayoutError: when there is no room.
     """
     shape = container_shape(width, depth)
-    at = free_outline_pose(world, shape, rng, room=0.0)
+    at = free_outline_pose(world, shape, rng, clearance=0.0)
     return world.add(shape, at.as_pose(CONTAINER_HEIGHT / 2), fixed=True)
 
 
@@ -99,7 +100,7 @@ def add_box(world: SimWorld, cell: Cell, color: str, rng: np.random.Generator) -
         LayoutError: when there is no room.
     """
     shape = cuboid("box", _size_of(cell), BOX_MASS)
-    return world.add(shape, free_outline_pose(world, shape, rng, _ROOM).as_pose(BOX_HEIGHT / 2), color)
+    return world.add(shape, free_outline_pose(world, shape, rng, _FINGER_CLEARANCE).as_pose(BOX_HEIGHT / 2), color)
 
 
 def _size_of(cell: Cell) -> tuple[float, float, float]:

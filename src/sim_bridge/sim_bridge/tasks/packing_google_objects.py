@@ -1,32 +1,31 @@
-"""packing-google-objects: everyday objects into the brown box, one by one or all of a name (task specification,
-sections 7.6 and 7.7)."""
+"""packing-google-objects: everyday objects into the brown box, one by one or all of a name.
+
+See docs/benchmark.md, "packing-google-objects-seq" and "packing-google-objects-group".
+"""
 
 from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cliport_perception import PlanarPose
+from cliport_core import PlanarPose
 from sim_bridge.errors import LayoutError
 from sim_bridge.everyday import object_set
 from sim_bridge.objects import Pinch, SceneObject
 from sim_bridge.objects.container import WALL
-from sim_bridge.task_mechanics.base import Split
-from sim_bridge.task_mechanics.box_partition import Packing, random_packing
-from sim_bridge.task_mechanics.container_space import room_in
+from sim_bridge.task_mechanics.clearance import palm_is_free
 from sim_bridge.task_mechanics.dropping import drop
 from sim_bridge.task_mechanics.goal import Goal, ZoneMetric, lattice
 from sim_bridge.task_mechanics.goal_task import GoalTask
-from sim_bridge.task_mechanics.palm_room import palm_is_free
-from sim_bridge.task_mechanics.pinching import gripper_at
+from sim_bridge.task_mechanics.pinches import gripper_at
+from sim_bridge.task_mechanics.placing import place_in_container
+from sim_bridge.task_mechanics.task import Split
+from sim_bridge.tasks.box_partition import Packing, random_packing
 from sim_bridge.tasks.packing_boxes import add_container
 from sim_bridge.tasks.variants import Variant
-
-if TYPE_CHECKING:
-    from sim_bridge.world import SimWorld
+from sim_bridge.world import SimWorld
 
 _SIDES = (0.20, 0.35)  # of the container [m]
 _CHOICE = 2  # of a thing's pinches, that with more room for the fingers is taken
@@ -88,7 +87,10 @@ class PackingGoogleObjects(GoalTask):
         """See GoalTask; each thing goes where there is room, as near to the container's middle as may be."""
         assert isinstance(goal.metric, ZoneMetric)
         size = goal.metric.size
-        return [(thing, room_in(self.world, goal.targets[0], size, thing)) for thing, _ in super().moves_to_make(goal)]
+        return [
+            (thing, place_in_container(self.world, goal.targets[0], size, thing))
+            for thing, _ in super().moves_to_make(goal)
+        ]
 
     def pinches(self, thing: SceneObject) -> list[Pinch]:
         """The best of those where the palm has room too, if there are any."""
@@ -104,6 +106,8 @@ class PackingGoogleObjects(GoalTask):
 
 class PackingGoogleObjectsSeq(PackingGoogleObjects):
     """Objects of different names; each step names the next one."""
+
+    stepwise = True
 
     def goals_for(
         self, world: SimWorld, container: SceneObject, packing: Packing, rng: np.random.Generator

@@ -1,24 +1,24 @@
-"""packing-unseen-shapes: one named shape into the brown box, in one action (task specification, section 7.2)."""
+"""packing-unseen-shapes: one named shape into the brown box, in one action.
+
+See docs/benchmark.md, "packing-unseen-shapes".
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from sim_bridge.objects import SceneObject, container_shape
 from sim_bridge.objects.container import CONTAINER_HEIGHT, WALL
 from sim_bridge.objects.kit_shapes import THICKNESS, kit_shape
-from sim_bridge.task_mechanics.base import Split
-from sim_bridge.task_mechanics.free_space import free_pose
 from sim_bridge.task_mechanics.goal import Goal, ZoneMetric, lattice
 from sim_bridge.task_mechanics.goal_task import GoalTask
+from sim_bridge.task_mechanics.placing import free_pose
+from sim_bridge.task_mechanics.task import Split
 from sim_bridge.tasks.kit_task import kit_shapes_of
 from sim_bridge.tasks.variants import Variant
-
-if TYPE_CHECKING:
-    from sim_bridge.world import SimWorld
+from sim_bridge.world import SimWorld
 
 N_SHAPES = 5
 

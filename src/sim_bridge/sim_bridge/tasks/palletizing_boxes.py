@@ -1,4 +1,7 @@
-"""palletizing-boxes: eighteen boxes, one after the other, onto a pallet (task specification, section 8)."""
+"""palletizing-boxes: eighteen boxes, one after the other, onto a pallet.
+
+See docs/benchmark.md, "palletizing-boxes".
+"""
 
 from __future__ import annotations
 
@@ -6,26 +9,24 @@ import itertools
 import math
 from collections.abc import Sequence
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cliport_perception import PlanarPose, Pose
+from cliport_core import PlanarPose, Pose
 from sim_bridge.colors import random_brown
 from sim_bridge.objects import SceneObject, Shape, cuboid
 from sim_bridge.objects.pallet import PALLET_SIZE, pallet_shape
-from sim_bridge.task_mechanics.base import Split
+from sim_bridge.robot import HAND
 from sim_bridge.task_mechanics.goal import Goal, PoseMetric, ZoneMetric, lattice
 from sim_bridge.task_mechanics.goal_task import GoalTask
-
-if TYPE_CHECKING:
-    from sim_bridge.world import SimWorld
+from sim_bridge.task_mechanics.task import Split
+from sim_bridge.world import SimWorld
 
 BOX_SIZE = (0.09, 0.0567, 0.0567)  # [m]
 BOX_MASS = 0.1  # [kg]
 LAYERS = 3
 GAP = 0.01  # between the ends of boxes [m]
-FINGER_GAP = 0.025  # between the sides by which boxes are held [m]
+FINGER_GAP = HAND.finger_thickness + 0.0098  # between the sides by which boxes are held, with a margin [m]
 BOXES_FROM = PlanarPose(0.45, -0.25, 0.0)  # where they appear, with any yaw
 PALLET_AT = PlanarPose(0.45, 0.25, 0.0)
 _SENTENCE = "stack all the boxes on the pallet"
@@ -56,6 +57,11 @@ class PalletizingBoxes(GoalTask):
         return (self._goal(),)
 
     @property
+    def arrivals(self) -> Sequence[tuple[PlanarPose, float]]:
+        """See GoalTask."""
+        return ((BOXES_FROM, math.hypot(*BOX_SIZE[:2]) / 2),)
+
+    @property
     def max_steps(self) -> int:
         """Twelve more than there are boxes."""
         return 30
@@ -64,7 +70,9 @@ class PalletizingBoxes(GoalTask):
         """The next box appears when the last one is away."""
         if not self._coming:
             super().advance()
-        elif not any(self.world.object_xy(box)[1] < 0.0 for box in self._boxes):
+            return
+        self.keep_score()
+        if not any(self.world.object_xy(box)[1] < 0.0 for box in self._boxes):
             self._bring_box(self.world)
             self._goals = (self._goal(),)
 
@@ -81,7 +89,7 @@ class PalletizingBoxes(GoalTask):
         self._boxes.append(world.add(_box(), at.as_pose(BOX_SIZE[2] / 2), paint=paint))
 
     def _goal(self) -> Goal:
-        """That all boxes which have come lie on the pallet; its share of the task grows with them."""
+        """Goal: every box spawned so far is on the pallet; its share of the task grows with them."""
         n = len(self._boxes)
         points = lattice([-side / 2 for side in BOX_SIZE], BOX_SIZE)
         return Goal(

@@ -1,11 +1,14 @@
-"""place-red-in-green: the bowl task with one goal (task specification, section 8)."""
+"""place-red-in-green: the bowl task with one goal.
+
+See docs/benchmark.md, "place-red-in-green".
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
 from sim_bridge.colors import COLORS
-from sim_bridge.task_mechanics.base import Split
+from sim_bridge.task_mechanics.task import Split, Task
 from sim_bridge.tasks.color_goal import ColorGoal
 from sim_bridge.tasks.put_blocks_in_bowls import N_DISTRACTORS, PutBlocksInBowls
 from sim_bridge.tasks.variants import Variant
@@ -17,11 +20,15 @@ class PlaceRedInGreen(PutBlocksInBowls):
     def __init__(self, name: str, split: Split) -> None:
         super().__init__(name, split, Variant.FULL, ColorGoal("red", "green"))
 
+    def ask_for(self, instruction: str) -> None:
+        """Refuse: this task has one goal."""
+        Task.ask_for(self, instruction)
+
     def distractor_colors(self, rng: np.random.Generator) -> list[tuple[str, str]]:
-        """Blocks of any colour but red, bowls of any but green."""
-        blocks = rng.choice([c for c in COLORS if c != "red"], N_DISTRACTORS)
-        bowls = rng.choice([c for c in COLORS if c != "green"], N_DISTRACTORS)
-        return [(str(block), str(bowl)) for block, bowl in zip(blocks, bowls, strict=True)]
+        """The k-th distractor has the k-th colour: a block without red, a bowl without green."""
+        blocks = [color for color in COLORS if color != "red"]
+        bowls = [color for color in COLORS if color != "green"]
+        return list(zip(blocks, bowls, strict=True))[:N_DISTRACTORS]
 
     @property
     def max_steps(self) -> int:

@@ -1,35 +1,41 @@
-"""put-blocks-in-bowls: every block of one colour into a bowl of another colour (task specification, section 7.4)."""
+"""put-blocks-in-bowls: every block of one colour into a bowl of another colour.
+
+See docs/benchmark.md, "put-blocks-in-bowls".
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
+from cliport_core import PickPlaceAction
 from sim_bridge.colors import COLORS
 from sim_bridge.objects import SceneObject, block_shape, bowl_shape
 from sim_bridge.objects.block import BLOCK_SIZE
 from sim_bridge.objects.bowl import BOWL_HEIGHT
-from sim_bridge.task_mechanics.base import ExpertAction, Split
-from sim_bridge.task_mechanics.free_space import free_pose
 from sim_bridge.task_mechanics.goal import Goal, PoseMetric
 from sim_bridge.task_mechanics.goal_task import GoalTask
-from sim_bridge.tasks.color_goal import DONE_SENTENCE, ColorGoal
+from sim_bridge.task_mechanics.placing import free_pose
+from sim_bridge.task_mechanics.task import Split
+from sim_bridge.tasks.color_goal import DONE_SENTENCE, PATTERN, ColorGoal
+from sim_bridge.tasks.goal_words import goal_colors
 from sim_bridge.tasks.variants import Variant
-
-if TYPE_CHECKING:
-    from sim_bridge.world import SimWorld
+from sim_bridge.world import SimWorld
 
 IN_BOWL = PoseMetric(position=0.05)
 N_DISTRACTORS = 6
+_CHANCE_EPISODES = 400  # that an agent without knowledge plays
 
 
 class PutBlocksInBowls(GoalTask):
     """One to three target bowls (fixed), as many or fewer target blocks, six distractors of other colours."""
 
     done_sentence = DONE_SENTENCE
+    several_goals = True
+    sentence_pattern = PATTERN
 
     def __init__(self, name: str, split: Split, variant: Variant, goal: ColorGoal | None = None) -> None:
         super().__init__(name, split)
@@ -56,9 +62,13 @@ class PutBlocksInBowls(GoalTask):
         return (self._as_goal(self._goal),)
 
     def distractor_colors(self, rng: np.random.Generator) -> list[tuple[str, str]]:
-        """Of each distractor, should it be a block or should it be a bowl."""
+        """(block colour, bowl colour) of each distractor: the first if it becomes a block, the second if a bowl."""
         others = [c for c in COLORS if c not in (self._goal.block, self._goal.bowl)]
         return [(color, color) for color in others[:N_DISTRACTORS]]
+
+    def ask_for(self, instruction: str) -> None:
+        """See Task; a sentence that names a block colour and a bowl colour names a goal."""
+        self._wanted_goal = goal_colors(instruction)
 
     @property
     def goal(self) -> ColorGoal:
@@ -66,32 +76,44 @@ class PutBlocksInBowls(GoalTask):
         return self._goal
 
     @property
+    def sentence_slots(self) -> Mapping[str, str]:
+        """The two colours."""
+        return {"block": self._goal.block, "bowl": self._goal.bowl}
+
+    @property
     def max_steps(self) -> int:
         """One mistake is allowed."""
         return self._n_blocks + 1
 
-    def score_of(self, goal: ColorGoal) -> float:
-        """Share of the blocks of the goal's colour that lie in any bowl of the goal's colour."""
-        wanted = self._as_goal(goal)
-        return wanted.value(self.world) if wanted.objects and wanted.targets else 0.0
-
-    def expert_action_for(self, goal: ColorGoal) -> ExpertAction | None:
-        """The next action for any goal in this scene; a bowl that holds a block is not free."""
-        wanted = self._as_goal(goal)
-        return self.expert_for(wanted) if wanted.objects and wanted.targets else None
-
-    def expert_action(self) -> ExpertAction | None:
-        """See Task."""
-        return self.expert_action_for(self._goal)
+    def expert_action(self) -> PickPlaceAction | None:
+        """See Task; a bowl that holds a block is not free."""
+        return self.expert_action_for(self._into_free_bowls(self._goal))
 
     def place_level(self, goal: Goal, thing: SceneObject) -> float:
         """The fingers open above a bowl's rim."""
         return BOWL_HEIGHT
 
-    def goals_in_scene(self) -> list[ColorGoal]:
-        """Every goal of the split's palette that this scene leaves to do, in a fixed order."""
-        goals = [ColorGoal(b, c) for b in self.palette for c in self.palette if b != c]
+    def goals_in_scene(self) -> list[Goal]:
+        """See Task; of the split's palette."""
+        pairs = [ColorGoal(b, c) for b in self.palette for c in self.palette if b != c]
+        goals = [goal for goal in map(self._into_free_bowls, pairs) if goal.objects and goal.targets]
         return [goal for goal in goals if self.expert_action_for(goal) is not None]
+
+    def chance_score(self, rng: np.random.Generator) -> float:
+        """Return the mean score, 0..1, of an agent that never fails to move a block, but chooses at random.
+
+        Each step moves one of the blocks, wherever it lies, into one of the bowls; as in an evaluation, the
+        episode ends early when the goal is reached.
+        """
+        is_target = np.array([block.color == self.goal.block for block in self.blocks()])
+        is_goal = np.array([bowl.color == self.goal.bowl for bowl in self.bowls()])
+        inside = np.zeros((_CHANCE_EPISODES, len(is_target)), dtype=bool)
+        for _ in range(self.max_steps):
+            going = ~inside[:, is_target].all(axis=1)
+            block = rng.integers(len(is_target), size=_CHANCE_EPISODES)
+            bowl = rng.integers(len(is_goal), size=_CHANCE_EPISODES)
+            inside[going, block[going]] = is_goal[bowl[going]]
+        return float(inside[:, is_target].mean())
 
     def blocks(self, color: str | None = None) -> list[SceneObject]:
         """All blocks, or those of a colour."""
@@ -101,14 +123,28 @@ class PutBlocksInBowls(GoalTask):
         """All bowls, or those of a colour."""
         return [o for o in self.objects if o.shape is bowl_shape() and color in (None, o.color)]
 
+    def goals_without_words(self) -> Sequence[Goal]:
+        """See Task: any block in any bowl."""
+        blocks, bowls = self.blocks(), self.bowls()
+        matches = np.ones((len(blocks), len(bowls)), dtype=bool)
+        targets = tuple(self.world.object_pose(bowl) for bowl in bowls)
+        return [Goal("", tuple(blocks), targets, matches, IN_BOWL, 1.0, (0.0,) * len(blocks), turn=False)]
+
+    def _into_free_bowls(self, goal: ColorGoal) -> Goal:
+        """What the expert works for: no bowl with a block that does not belong there."""
+        wanted = self._as_goal(goal)
+        matches = wanted.matches.copy()
+        for j, bowl in enumerate(self.bowls(goal.bowl)):
+            others = [b for b in self.blocks() if b not in wanted.objects]
+            if any(_distance(self.world, other, bowl) < IN_BOWL.position for other in others):
+                matches[:, j] = False
+        return replace(wanted, matches=matches)
+
     def _as_goal(self, goal: ColorGoal) -> Goal:
-        """Free bowls only, except for those that hold a block of the goal."""
+        """Any block of the one colour in any bowl of the other, whatever else is in it."""
         world = self.world
         blocks, bowls = self.blocks(goal.block), self.bowls(goal.bowl)
         matches = np.ones((len(blocks), len(bowls)), dtype=bool)
-        for j, bowl in enumerate(bowls):
-            others = [b for b in self.blocks() if b not in blocks and _distance(world, b, bowl) < IN_BOWL.position]
-            matches[:, j] = not others
         return Goal(
             goal.sentence,
             tuple(blocks),

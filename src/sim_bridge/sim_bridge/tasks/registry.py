@@ -1,18 +1,22 @@
-"""Every task by its name in the paper; the public implementation's names are aliases (specification, 0.1 and 8)."""
+"""Every task by its name in the paper; the public implementation's names are aliases.
+
+See docs/benchmark.md, "Names and variants". Other packages add tasks by entry points of the group `sim_bridge.tasks`:
+the name is the task's, the object makes it.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from functools import cache
+from importlib.metadata import EntryPoint, entry_points
 
-from sim_bridge.errors import GoalError, UnknownNameError
-from sim_bridge.task_mechanics.base import Split, Task
+from sim_bridge.errors import SimBridgeError, TaskPackageError, UnknownNameError
+from sim_bridge.task_mechanics.task import Split, Task
 from sim_bridge.tasks.align_box_corner import AlignBoxCorner
 from sim_bridge.tasks.align_rope import AlignRope, ManipulatingRope
 from sim_bridge.tasks.assembling_kits import AssemblingKits
 from sim_bridge.tasks.assembling_kits_seq import AssemblingKitsSeq
 from sim_bridge.tasks.block_insertion import BlockInsertion
-from sim_bridge.tasks.color_goal import ColorGoal
-from sim_bridge.tasks.goal_words import goal_colors
 from sim_bridge.tasks.packing_box_pairs import PackingBoxPairs
 from sim_bridge.tasks.packing_boxes import PackingBoxes
 from sim_bridge.tasks.packing_google_objects import PackingGoogleObjectsGroup, PackingGoogleObjectsSeq
@@ -26,6 +30,8 @@ from sim_bridge.tasks.towers_of_hanoi import TowersOfHanoi, TowersOfHanoiSeq
 from sim_bridge.tasks.variants import Variant
 
 TaskMaker = Callable[[str, Split], Task]
+
+GROUP = "sim_bridge.tasks"  # of the entry points that add tasks
 
 _COLORS = {"seen-colors": Variant.SEEN, "unseen-colors": Variant.UNSEEN, "full": Variant.FULL}
 _GOOGLE = {"seen": Variant.SEEN, "unseen": Variant.UNSEEN}
@@ -119,22 +125,56 @@ def split_of(name: str) -> Split:
 
 
 def make_task(name: str, split: str, instruction: str = "") -> Task:
-    """A task by name or alias, not yet set up; with an instruction, for the goal that it names.
+    """Return a task by name or alias, not yet set up; with an instruction, for the goal that it names.
 
     Raises:
         UnknownNameError: on an unknown task or split, naming the nearest ones.
+        TaskPackageError: when the package that adds the task does not give one.
         GoalError: when the instruction names no goal that the task can set up.
     """
     full_name = ALIASES.get(name, name)
-    if full_name not in TASKS:
-        raise UnknownNameError("task", name, [*TASKS, *ALIASES])
-    if not instruction.strip():
-        return TASKS[full_name](full_name, split_of(split))
-    return _bowls_for(full_name, split_of(split), goal_colors(instruction))
+    if full_name in TASKS:
+        task = TASKS[full_name](full_name, split_of(split))
+    elif full_name in added_tasks():
+        task = _made_by(added_tasks()[full_name], split_of(split))
+    else:
+        raise UnknownNameError("task", name, [*TASKS, *added_tasks(), *ALIASES])
+    if instruction.strip():
+        task.ask_for(instruction)
+    return task
 
 
-def _bowls_for(name: str, split: Split, goal: ColorGoal) -> Task:
-    family, _, variant = name.partition("bowls-")
-    if family != "put-blocks-in-":
-        raise GoalError(f"{name} makes no scene for a chosen sentence; leave the instruction empty")
-    return PutBlocksInBowls(name, split, _COLORS[variant], goal)
+@cache
+def added_tasks() -> Mapping[str, EntryPoint]:
+    """The tasks that installed packages add to the benchmark's, by name.
+
+    Raises:
+        TaskPackageError: when two packages add one name, or one that the benchmark has.
+    """
+    added: dict[str, EntryPoint] = {}
+    for entry in sorted(entry_points(group=GROUP), key=lambda entry: (entry.name, entry.value)):
+        known = added.get(entry.name)
+        if entry.name in TASKS or entry.name in ALIASES:
+            raise TaskPackageError(entry.name, f"{entry.value} has the name of a task of the benchmark; rename it")
+        if known is not None and known.value != entry.value:
+            raise TaskPackageError(entry.name, f"{known.value} and {entry.value} have this name; rename one")
+        added[entry.name] = entry
+    return added
+
+
+def is_known(name: str) -> bool:
+    """Whether there is a task of that full name."""
+    return name in TASKS or name in added_tasks()
+
+
+def _made_by(entry: EntryPoint, split: Split) -> Task:
+    """The task of a package that adds it."""
+    try:
+        task = entry.load()(entry.name, split)
+    except SimBridgeError:
+        raise
+    except Exception as error:  # what a foreign module does is its own
+        raise TaskPackageError(entry.name, f"{entry.value} fails ({type(error).__name__}: {error})") from error
+    if not isinstance(task, Task):
+        raise TaskPackageError(entry.name, f"{entry.value} made a {type(task).__name__} instead of a Task")
+    return task

@@ -1,29 +1,29 @@
-"""separating-piles and sweeping-piles: a pile of small blocks into a square (task specification, 7.9 and 8)."""
+"""separating-piles and sweeping-piles: a pile of small blocks into a square.
+
+See docs/benchmark.md, "separating-piles" and "sweeping-piles".
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
-from cliport_perception import PlanarPose, Pose, Primitive
+from cliport_core import PickPlaceAction, PlanarPose, Pose, Primitive
 from sim_bridge.errors import LayoutError
 from sim_bridge.objects import SceneObject
 from sim_bridge.objects.corner import PURE_GREEN
 from sim_bridge.objects.pile import PILE_BLOCK_SIZE, ZONE_OUTLINE, pile_block_shape, zone_shape
-from sim_bridge.objects.sleeping import let_sleep
-from sim_bridge.task_mechanics.base import Choice, ExpertAction, Split
-from sim_bridge.task_mechanics.free_space import free_pose
+from sim_bridge.sleeping import let_sleep
 from sim_bridge.task_mechanics.goal import Goal, ZoneMetric, lattice
 from sim_bridge.task_mechanics.goal_task import GoalTask
-from sim_bridge.tasks.sweep_expert import next_sweep, on_the_way
+from sim_bridge.task_mechanics.placing import free_pose
+from sim_bridge.task_mechanics.sweeping import next_sweep, on_the_way
+from sim_bridge.task_mechanics.task import JudgedAction, Split
 from sim_bridge.tasks.variants import Variant
-
-if TYPE_CHECKING:
-    from sim_bridge.world import SimWorld
+from sim_bridge.world import SimWorld
 
 N_BLOCKS = 50
 SEPARATING_ZONE = 0.15  # edge of what counts as inside when piles are separated [m]
@@ -45,26 +45,26 @@ class _PileTask(GoalTask):
         """Sweeps."""
         return 20
 
-    def expert_for(self, goal: Goal) -> ExpertAction | None:
+    def expert_action_for(self, goal: Goal) -> PickPlaceAction | None:
         """The sweep that brings the most blocks into the zone."""
         world = self.world
         zone = PlanarPose.from_pose(goal.targets[0])
         sweep = next_sweep(self._block_xy(goal), zone, _edge(goal), world.config.workspace)
-        return None if sweep is None else ExpertAction(*sweep, math.pi, goal.sentence, Primitive.SWEEP)
+        return None if sweep is None else PickPlaceAction(*sweep, Primitive.SWEEP)
 
-    def judge(self, pick: PlanarPose, place: PlanarPose) -> Choice:
+    def judge(self, pick: PlanarPose, place: PlanarPose, exact_offset: bool = False) -> JudgedAction:
         """A sweep picks the blocks on its way; it is right when one of them lies outside, and when it ends inside."""
         goal = self.present_goal
         zones = [thing for thing in self.objects if thing.shape is zone_shape()]
         under = next((z for z in zones if _contains(self.world.object_pose(z), place, ZONE_OUTLINE)), None)
         name = under.described if under else ""
         if goal is None:
-            return Choice("", name, False, False)
+            return JudgedAction("", name, False, False)
         blocks = self._block_xy(goal)
         swept = np.flatnonzero(on_the_way(blocks, pick, place))
         outside = any(not goal.allows(goal.objects[i], *blocks[i]) for i in swept)
         picked = goal.objects[0].described if len(swept) else ""
-        return Choice(picked, name, outside, _contains(goal.targets[0], place, _edge(goal)))
+        return JudgedAction(picked, name, outside, _contains(goal.targets[0], place, _edge(goal)))
 
     def _block_xy(self, goal: Goal) -> npt.NDArray[np.float64]:
         return np.array([self.world.object_xy(block) for block in goal.objects])
@@ -89,6 +89,12 @@ class SeparatingPiles(_PileTask):
         asked = int(rng.integers(2))
         sentence = f"push the pile of {block_color} blocks into the {zone_colors[asked]} square"
         return (_goal(sentence, blocks, zones[asked], SEPARATING_ZONE),)
+
+    def goals_without_words(self) -> Sequence[Goal]:
+        """See Task: the blocks in either zone."""
+        zones = [self.world.object_pose(thing) for thing in self.objects if thing.shape is zone_shape()]
+        blocks = tuple(thing for thing in self.objects if thing.shape is pile_block_shape())
+        return [_goal("", blocks, zone, SEPARATING_ZONE) for zone in zones]
 
 
 class SweepingPiles(_PileTask):
@@ -132,7 +138,7 @@ def _add_blocks(world: SimWorld, rng: np.random.Generator, color: str) -> tuple[
 
 
 def _goal(sentence: str, blocks: tuple[SceneObject, ...], zone: Pose, edge: float) -> Goal:
-    """All blocks inside; a block's lowest corner says where it is (specification, section 6.3)."""
+    """All blocks inside; a block's lowest corner says where it is (docs/benchmark.md, "Scores")."""
     metric = ZoneMetric((edge, edge), (_CORNER,) * len(blocks))
     matches = np.ones((len(blocks), 1), dtype=bool)
     return Goal(sentence, blocks, (zone,), matches, metric, max_reward=1.0, turn=False, replace=True)

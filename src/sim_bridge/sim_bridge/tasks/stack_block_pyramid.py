@@ -1,25 +1,25 @@
-"""stack-block-pyramid: six cubes on a stand, block by block or row by row (task specification, 7.8 and 8)."""
+"""stack-block-pyramid: six cubes on a stand, block by block or row by row.
+
+See docs/benchmark.md, "stack-block-pyramid-seq" and "stack-block-pyramid".
+"""
 
 from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cliport_perception import Pose
+from cliport_core import Pose
 from sim_bridge.objects import SceneObject, block_shape
 from sim_bridge.objects.block import BLOCK_SIZE
 from sim_bridge.objects.pyramid_stand import PYRAMID_STAND_HEIGHT, pyramid_stand_shape
-from sim_bridge.task_mechanics.base import Split
-from sim_bridge.task_mechanics.free_space import free_pose
 from sim_bridge.task_mechanics.goal import Goal, PoseMetric
 from sim_bridge.task_mechanics.goal_task import GoalTask
+from sim_bridge.task_mechanics.placing import free_pose
+from sim_bridge.task_mechanics.task import Split
 from sim_bridge.tasks.variants import Variant
-
-if TYPE_CHECKING:
-    from sim_bridge.world import SimWorld
+from sim_bridge.world import SimWorld
 
 # y in the stand's frame [m] and row of each block, bottom row first
 SLOTS = ((-0.05, 0), (0.0, 0), (0.05, 0), (-0.025, 1), (0.025, 1), (0.0, 2))
@@ -63,6 +63,8 @@ class _Pyramid(GoalTask):
 
 class StackBlockPyramidSeq(_Pyramid):
     """One sentence and goal a block."""
+
+    stepwise = True
 
     def __init__(self, name: str, split: Split, variant: Variant) -> None:
         super().__init__(name, split)

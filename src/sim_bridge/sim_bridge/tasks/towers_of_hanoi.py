@@ -1,15 +1,16 @@
-"""towers-of-hanoi: three rings from the first peg to the last, a sentence a move or one for all (task
-specification, 7.10 and 8)."""
+"""towers-of-hanoi: three rings from the first peg to the last, a sentence a move or one for all.
+
+See docs/benchmark.md, "towers-of-hanoi-seq" and "towers-of-hanoi".
+"""
 
 from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cliport_perception import Pose
+from cliport_core import Pose
 from sim_bridge.objects import SceneObject
 from sim_bridge.objects.hanoi import (
     HANOI_STAND_HEIGHT,
@@ -19,14 +20,12 @@ from sim_bridge.objects.hanoi import (
     hanoi_stand_shape,
     ring_shape,
 )
-from sim_bridge.task_mechanics.base import Split
 from sim_bridge.task_mechanics.goal import Goal, PoseMetric
 from sim_bridge.task_mechanics.goal_task import GoalTask
-from sim_bridge.task_mechanics.outline_space import free_outline_pose
+from sim_bridge.task_mechanics.placing import free_outline_pose
+from sim_bridge.task_mechanics.task import Split
 from sim_bridge.tasks.variants import Variant
-
-if TYPE_CHECKING:
-    from sim_bridge.world import SimWorld
+from sim_bridge.world import SimWorld
 
 PEGS = ("lighter brown side", "middle of the stand", "darker brown side")
 PLAN = ((0, 2), (1, 1), (0, 1), (2, 2), (0, 0), (1, 2), (0, 2))  # (ring, peg) a move; ring 0 is the smallest
@@ -40,7 +39,7 @@ class _Hanoi(GoalTask):
     def set_up(self, world: SimWorld, rng: np.random.Generator) -> Sequence[Goal]:
         """See GoalTask."""
         shape = hanoi_stand_shape()
-        at = free_outline_pose(world, shape, rng, room=0.0).as_pose(HANOI_STAND_HEIGHT / 2)
+        at = free_outline_pose(world, shape, rng, clearance=0.0).as_pose(HANOI_STAND_HEIGHT / 2)
         world.add(shape, at, fixed=True)
         count = len(RING_DIAMETERS)
         rings = [
@@ -78,6 +77,8 @@ class _Hanoi(GoalTask):
 
 class TowersOfHanoiSeq(_Hanoi):
     """A sentence for every move."""
+
+    stepwise = True
 
     def __init__(self, name: str, split: Split, variant: Variant) -> None:
         super().__init__(name, split)

@@ -1,11 +1,14 @@
-"""Seen, unseen and full variants: which colours a split may use (task specification, sections 0.1 and 2)."""
+"""Seen, unseen and full variants: which colours a split may use.
+
+See docs/benchmark.md, "Names and variants" and "Colours".
+"""
 
 from __future__ import annotations
 
 from enum import Enum
 
 from sim_bridge.colors import COLORS, SEEN_PALETTE, UNSEEN_PALETTE
-from sim_bridge.task_mechanics.base import Split
+from sim_bridge.task_mechanics.task import Split
 
 
 class Variant(Enum):

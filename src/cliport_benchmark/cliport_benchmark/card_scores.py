@@ -1,0 +1,65 @@
+"""`ros2 run cliport_benchmark card_scores`: writes scores of `evaluate` into the card of the checkpoint they are of."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from cliport_benchmark.errors import BenchmarkError, OptionError
+from cliport_benchmark.json_files import read_json
+from cliport_policy.checkpoint import load_card, resolve_checkpoint, weights_sha256, write_json
+from cliport_policy.errors import PolicyError
+
+_KEPT = ("mean_score", "chance", "n_episodes", "discarded", "first_seed", "object_set", "choices", "command")
+_PROVENANCE = ("weights_sha256", "commit", "dirty")
+
+
+def write_scores(checkpoint: str, results: Sequence[Path]) -> Path:
+    """Add the scores of results to a checkpoint's card, in place of those of the same name; return the card's path.
+
+    Raises:
+        CheckpointError: when there is no such checkpoint or card.
+        DataFolderError: when a result cannot be read.
+        OptionError: when one is of other weights, or does not say of which.
+    """
+    path = resolve_checkpoint(checkpoint)
+    card, present = load_card(path), weights_sha256(path)
+    scores = dict(card.scores)
+    for result in results:
+        name, entry = _entry(read_json(result), result, present)
+        scores[name] = entry
+    write_json(path.with_suffix(".json"), replace(card, scores=scores).to_dict())
+    return path.with_suffix(".json")
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Entry point; 0 when the card was written, 1 on an error."""
+    parser = argparse.ArgumentParser(prog="card_scores", description="Write scores of evaluate into a card.")
+    parser.add_argument("--checkpoint", required=True, help="path or name of a shipped one")
+    parser.add_argument("results", type=Path, nargs="+", help="JSON files of evaluate")
+    options = parser.parse_args(arguments)
+    try:
+        print(f"{len(options.results)} scores in {write_scores(options.checkpoint, options.results)}")
+    except (BenchmarkError, PolicyError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 1
+    return 0
+
+
+def _entry(result: dict[str, Any], path: Path, present: str) -> tuple[str, dict[str, Any]]:
+    """Return the name of a score and what the card says of it."""
+    lacking = [name for name in ("mean_score", "task", "split", *_PROVENANCE) if name not in result]
+    if lacking:
+        raise OptionError(f"{path} does not say {', '.join(lacking)}: evaluate again with this version")
+    if result["weights_sha256"] != present:
+        raise OptionError(f"{path} is of other weights ({result['weights_sha256'][:12]}, not {present[:12]})")
+    name = f"{result['task']} {result['split']}" + (", other wording" if "wording" in result else "")
+    return name, {key: result[key] for key in (*_KEPT, *_PROVENANCE) if key in result}
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,59 @@
+"""Answer of a policy: an action, and how sure the policy is of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cliport_core.action import PickPlaceAction
+
+
+@dataclass(frozen=True)
+class AffordanceMaps:
+    """Scores over the workspace's pixels, for people to look at.
+
+    pick: (rows, cols) float32, sums to 1 (the null action's share left out before normalising).
+    place: (rows, cols) float32, the maximum over rotations, normalised to sum 1.
+    """
+
+    pick: NDArray[np.float32]
+    place: NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class Inference:
+    """The action that a policy chose, and what it was chosen from.
+
+    action: place.yaw = pick.yaw + the chosen relative rotation; its confidence is the lesser of the two here.
+    Pixels are (row, col) on the workspace grid. Confidences are the probability mass within
+    a 3 cm disc around the chosen pixel, whatever the rotation, in [0, 1]. done_probability is the null action's share:
+    how likely it is that nothing remains to be done for the instruction.
+    """
+
+    action: PickPlaceAction
+    pick_pixel: tuple[int, int]
+    place_pixel: tuple[int, int]
+    pick_confidence: float
+    place_confidence: float
+    done_probability: float
+    maps: AffordanceMaps | None = None
+
+    @property
+    def confidence(self) -> float:
+        """Lesser confidence of pick and place."""
+        return min(self.pick_confidence, self.place_confidence)
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """An inference with its maps, and what was thought of the rotations, bin i standing for i * 360 / k degrees.
+
+    yaws: (k,) float32, probability of each gripper yaw at the pick; None for a network without a rotator.
+    rotations: (k,) float32, probability of each rotation from pick to place, over all places.
+    """
+
+    inference: Inference
+    yaws: NDArray[np.float32] | None
+    rotations: NDArray[np.float32]

@@ -1,0 +1,1 @@
+"""Compact network: locator, rotator and transport of small U-Nets behind one goal reader."""

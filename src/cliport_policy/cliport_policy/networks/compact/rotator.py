@@ -1,0 +1,34 @@
+"""Rotator: a score for each rotation of the crop around the pick (paper, appendix D)."""
+
+from __future__ import annotations
+
+from torch import Tensor, nn
+
+from cliport_policy.networks.compact.unet import Downsample, FilmResidualBlock
+from cliport_policy.networks.rotation import rotated_windows
+
+
+class Rotator(nn.Module):
+    """Small CNN that scores the crop, turned by each angle; the right one shows the object aligned with the gripper."""
+
+    def __init__(self, channels_in: int, goal_dim: int, crop_pixels: int, width: int = 16) -> None:
+        super().__init__()
+        self.crop_pixels = crop_pixels
+        self.down = nn.ModuleList(
+            (Downsample(channels_in, width), Downsample(width, 2 * width), Downsample(2 * width, 2 * width))
+        )
+        self.block = FilmResidualBlock(2 * width, goal_dim)
+        self.head = nn.Linear(2 * width * (crop_pixels // 8) ** 2, 1)
+
+    def forward(self, x: Tensor, goal: Tensor, pick: Tensor, angles: Tensor) -> Tensor:
+        """Return logits (B, R).
+
+        x: (B, C, H, W). goal: (B, G). pick: (B, 2) float pixel (row, col). angles: (B, R) rad.
+        """
+        crops = rotated_windows(x, pick, angles, self.crop_pixels)  # (B, R, C, side, side)
+        batch, n = crops.shape[:2]
+        y = crops.flatten(0, 1)
+        for down in self.down:
+            y = down(y)
+        y = self.block(y, goal.repeat_interleave(n, dim=0))
+        return self.head(y.flatten(1)).reshape(batch, n)

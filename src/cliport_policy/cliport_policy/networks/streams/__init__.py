@@ -1,0 +1,1 @@
+"""Networks of streams: CLIPort, the paper's baselines and its ablations, composed by a config."""

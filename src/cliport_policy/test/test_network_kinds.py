@@ -1,0 +1,50 @@
+"""The two kinds of network know what they share, and nothing of each other."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+import cliport_policy
+from cliport_policy.checkpoint import ANCHORS, load_checkpoint, resolve_checkpoint, shipped_names
+from cliport_policy.networks.compact.network import CompactNetwork
+from cliport_policy.networks.factory import restore_network
+
+PACKAGE = "cliport_policy.networks"
+FOLDER = Path(cliport_policy.__file__).parent / "networks"
+
+
+def _imports(path: Path) -> set[str]:
+    nodes = ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+    return {node.module for node in nodes if isinstance(node, ast.ImportFrom) and node.module}
+
+
+@pytest.mark.parametrize(("kind", "other"), [("compact", "streams"), ("streams", "compact")])
+def test_one_kind_knows_nothing_of_the_other(kind: str, other: str) -> None:
+    files = sorted((FOLDER / kind).glob("*.py"))
+    assert files
+    for path in files:
+        assert not any(name.startswith(f"{PACKAGE}.{other}") for name in _imports(path)), path
+        assert f"{PACKAGE}.factory" not in _imports(path), path
+
+
+def test_what_both_share_knows_neither_but_for_the_factory() -> None:
+    knowing = set()
+    for path in FOLDER.glob("*.py"):
+        if any(name.startswith((f"{PACKAGE}.compact", f"{PACKAGE}.streams")) for name in _imports(path)):
+            knowing.add(path.name)
+    assert knowing == {"factory.py"}
+
+
+@pytest.mark.parametrize("name", shipped_names())
+def test_shipped_weights_are_those_of_the_compact_network(name: str) -> None:
+    path = resolve_checkpoint(name)
+    tensors, card = load_checkpoint(path)
+    network = restore_network(card.network, tensors, card.frozen, path)
+    assert isinstance(network, CompactNetwork)
+    assert set(network.state_dict()) == set(tensors) - {ANCHORS}
+
+
+@pytest.mark.parametrize("kind", ["compact", "streams"])
+def test_both_kinds_are_installed(kind: str) -> None:
+    assert (FOLDER / kind / "__init__.py").is_file()

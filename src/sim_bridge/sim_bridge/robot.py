@@ -1,0 +1,8 @@
+"""The arm and hand that PyBullet's data has a model of, and for which the tasks leave room."""
+
+from panda_model import load_preset
+
+ROBOT = load_preset("panda")
+HAND = ROBOT.hand
+# What an opened finger takes beside a thing: its thickness, the free space that it needs and a margin [m].
+BESIDE = HAND.finger_thickness + HAND.finger_slack + 0.0033

@@ -1,0 +1,63 @@
+"""Which bead of a rope to pinch, how, and where to drag it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from cliport_core import PickPlaceAction, PlanarPose, Primitive
+from sim_bridge.robot import HAND
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+
+_IN_PLACE = 0.01  # a bead nearer to its slot stays where it is [m]
+_BEAD_REACH = 0.008  # of a bead about its middle [m]
+DISTANCE_PER_CAUGHT_BEAD = 0.03  # a bead this much farther from its slot is worth catching one more beside it [m]
+_TILTS = tuple(math.radians(a) for a in (0, 15, -15, 30, -30, 45, -45))  # of the jaws against straight across
+
+
+def next_fold(
+    beads: FloatArray, slots: FloatArray, in_vain: IntArray | None = None
+) -> tuple[int, PickPlaceAction | None]:
+    """Which bead, far from its slot, to take to that slot, and how; beads and slots (20, 2) [m] in their order along
+    the rope.
+
+    Slots count from the end that fits better. The jaws close across the rope, where the opened fingers meet few
+    other beads. in_vain: how often each bead (20,) was tried for nothing; one that was tried less is better.
+    No action when every bead lies right.
+    """
+    slots = min((slots, slots[::-1]), key=lambda s: float(np.linalg.norm(beads - s, axis=1).sum()))
+    distance = np.linalg.norm(beads - slots, axis=1)
+    along = math.atan2(*(slots[-1] - slots[0])[::-1])
+    tries = np.zeros(len(beads), int) if in_vain is None else in_vain
+    ways: list[tuple[tuple[int, float], int, float, float]] = []
+    for i in np.flatnonzero(distance >= _IN_PLACE).tolist():
+        before, after = beads[max(i - 1, 0)], beads[min(i + 1, len(beads) - 1)]
+        tangent = math.atan2(*(after - before)[::-1])
+        for tilt in _TILTS:
+            caught = _caught(beads, i, tangent + math.pi / 2 + tilt)
+            ways.append(((-int(tries[i]), distance[i] - DISTANCE_PER_CAUGHT_BEAD * caught), i, tangent, tilt))
+    if not ways:
+        return -1, None
+    _, i, tangent, tilt = max(ways, key=lambda way: way[0])
+    yaw = math.remainder(tangent + math.pi / 2 + tilt, math.pi)
+    turn = math.remainder(along - tangent, math.tau)
+    turn = max(-math.pi / 2, min(math.pi / 2, turn))
+    return i, PickPlaceAction(
+        PlanarPose(float(beads[i, 0]), float(beads[i, 1]), yaw),
+        PlanarPose(float(slots[i, 0]), float(slots[i, 1]), yaw + turn),
+        Primitive.FOLD,
+    )
+
+
+def _caught(beads: FloatArray, i: int, yaw: float) -> int:
+    """How many other beads lie under the opened fingers that close at bead i in direction `yaw` [rad]."""
+    offset = np.delete(beads, i, axis=0) - beads[i]
+    closing = np.abs(offset @ np.array([math.cos(yaw), math.sin(yaw)]))
+    across = np.abs(offset @ np.array([-math.sin(yaw), math.cos(yaw)]))
+    opening = HAND.fold_opening
+    inner, outer = opening / 2 - _BEAD_REACH, opening / 2 + HAND.finger_thickness + _BEAD_REACH
+    return int(((closing > inner) & (closing < outer) & (across < HAND.finger_half_width + _BEAD_REACH)).sum())
