@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import time
 from collections import deque
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import Point, Pose, Quaternion
+from numpy.typing import NDArray
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParameters
 from rclpy.action import ActionClient
@@ -27,6 +29,7 @@ class GraphProbe(GraphClient):
     def __init__(self, domain_id: int) -> None:
         super().__init__("graph_probe", domain_id)
         self._history: deque[tuple[float, float]] = deque(maxlen=5000)  # (wall time, fastest joint in rad/s)
+        self._positions: dict[str, float] = {}
         self._node.create_subscription(JointState, "/joint_states", self._note_speed, qos_profile_sensor_data)
         self._pick_place = ActionClient(self._node, PickPlace, "/panda_executor/pick_place")
         self._parameters = self._node.create_client(SetParameters, "/sim_bridge/set_parameters")
@@ -50,12 +53,12 @@ class GraphProbe(GraphClient):
         assert self._pick_place.wait_for_server(5.0)
         goal = PickPlace.Goal(instruction="test", plan_only=plan_only, pick=_pose(*pick), place=_pose(*place))
         goal.header.frame_id = "panda_link0"
-        return self._wait(self._pick_place.send_goal_async(goal), 5.0)
+        return self._answer_of(lambda: self._pick_place.send_goal_async(goal), 5.0)
 
     def result_of(self, handle: Any, timeout: float = 60.0) -> Any:
         """The result message of an accepted goal."""
         assert handle.accepted
-        return self._wait(handle.get_result_async(), timeout).result
+        return self._answer_of(handle.get_result_async, timeout).result
 
     def cancel(self, handle: Any) -> None:
         self._wait(handle.cancel_goal_async(), 5.0)
@@ -79,6 +82,10 @@ class GraphProbe(GraphClient):
         """The fastest joint speed since a wall time, rad/s; 0 where nothing was heard."""
         return max((speed for stamp, speed in list(self._history) if stamp >= since), default=0.0)
 
+    def positions(self, names: list[str]) -> NDArray[np.float64]:
+        """Where joints were heard to be last [rad]."""
+        return np.array([self._positions[name] for name in names])
+
     def _wait_speed(self, wanted: Any, since: float, timeout: float) -> float:
         deadline = time.monotonic() + timeout
         while time.monotonic() < deadline:
@@ -87,6 +94,10 @@ class GraphProbe(GraphClient):
                     return stamp
             time.sleep(0.01)
         raise AssertionError(f"the arm's speed did not become as expected within {timeout} s")
+
+    def _answer_of(self, ask: Callable[[], Any], timeout: float) -> Any:
+        """Ask in the thread that spins: from another one, rclpy may meet the answer before it knows of the question."""
+        return self._wait(self._wait(self._node.executor.create_task(ask), 5.0), timeout)
 
     def _wait(self, future: Any, timeout: float) -> Any:
         deadline = time.monotonic() + timeout
@@ -97,6 +108,7 @@ class GraphProbe(GraphClient):
 
     def _note_speed(self, message: JointState) -> None:
         arm = [v for name, v in zip(message.name, message.velocity, strict=False) if "finger" not in name]
+        self._positions.update(zip(message.name, message.position, strict=False))
         self._history.append((time.monotonic(), float(np.abs(arm).max()) if arm else 0.0))
 
 

@@ -8,18 +8,22 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
-from panda_executor.limits import PANDA_LIMITS
 from panda_executor.model import PandaModel
-from panda_executor.scene import SceneConfig, add_surroundings
+from panda_executor.scene import SceneConfig, add_table, place_camera
+from panda_model import load_preset
+from sim_bridge.rendering.camera import CameraConfig
+
+PANDA_LIMITS = load_preset().limits
 
 ROUNDING = 1.05
-JOINTS = [f"panda_joint{i}" for i in range(1, 8)]
+JOINTS = load_preset().arm_joints
 
 
 @lru_cache(maxsize=1)
 def _model() -> PandaModel:
     model = PandaModel()
-    add_surroundings(model, SceneConfig())
+    add_table(model, SceneConfig())
+    place_camera(model, SceneConfig(), CameraConfig().camera_in_base.translation)
     return model
 
 

@@ -7,6 +7,7 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 from graph_probe import STILL, GraphProbe
 from ros_domain import next_domain
@@ -144,16 +145,21 @@ def test_a_controller_that_aborts_is_said(probe: GraphProbe) -> None:
     assert probe.fastest(stopped) < STILL
 
 
-def test_cancel_in_motion_holds_the_arm(probe: GraphProbe) -> None:
+def test_cancel_in_motion_holds_the_arm(running: tuple[GraphProcess, GraphProbe, Path], probe: GraphProbe) -> None:
+    log = running[2]
     sentence = probe.reset(TASK, "test", 3)
+    sent = len(log.read_text().splitlines())
     probe.instruct(sentence)
     probe.wait_moving()
-    time.sleep(0.3)
-    asked = time.monotonic()
     probe.trigger("/cliport/stop")
-    assert probe.wait_still(asked) - asked < 0.3
+    stopped = probe.wait_still(time.monotonic(), 30.0)
     time.sleep(1.0)
-    assert probe.fastest(asked + 0.3) < STILL
+    assert probe.fastest(stopped) < STILL
+    # It holds on the way, far from the end of the first motion, and no other was sent.
+    trajectories = [json.loads(line) for line in log.read_text().splitlines()[sent:]]
+    assert len(trajectories) == 1
+    here = probe.positions(trajectories[0]["joint_names"])
+    assert np.abs(here - trajectories[0]["positions"][-1]).max() > 0.05
     message = _fails_in_one_line(probe, sentence)  # the stop is latching
     assert "resume" in message
     probe.trigger("/cliport/resume")

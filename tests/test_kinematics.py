@@ -6,9 +6,11 @@ import numpy as np
 import pybullet
 import pytest
 
-from panda_executor.limits import PANDA_LIMITS
 from panda_executor.model import PandaModel
+from panda_model import load_preset
 from sim_bridge.panda import PandaArm
+
+PANDA_LIMITS = load_preset().limits
 
 
 @pytest.fixture

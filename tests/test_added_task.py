@@ -1,0 +1,80 @@
+"""A task that another package adds: installed beside, without a touch of this tree, it goes through every command."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from ros_domain import next_domain
+
+from cliport_benchmark.json_files import read_json
+from cliport_policy.data.demonstrations import load_demonstrations
+
+EXAMPLE = Path(__file__).resolve().parents[1] / "examples/cliport_example_task"
+TASK = "put-block-on-mat"
+SENTENCE = r"put the \w+ block on the \w+ mat"
+
+
+@pytest.fixture(scope="module")
+def beside(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder into which the example's package is installed."""
+    folder = tmp_path_factory.mktemp("added")
+    source = shutil.copytree(EXAMPLE, folder / "source")  # pip writes beside what it installs
+    pip = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--no-index", "--no-build-isolation"]
+    subprocess.run([*pip, "--target", str(folder / "site"), str(source)], check=True, timeout=120)
+    return folder / "site"
+
+
+def run(beside: Path, module: str, *arguments: str, status: tuple[int, ...] = (0,)) -> str:
+    """What a command says in a process of its own that finds the example."""
+    path = os.pathsep.join([str(beside), os.environ.get("PYTHONPATH", "")])
+    done = subprocess.run(
+        [sys.executable, "-m", module, *arguments],
+        env={**os.environ, "PYTHONPATH": path, "ROS_DOMAIN_ID": str(next_domain())},
+        capture_output=True,
+        text=True,
+        timeout=800,
+        check=False,
+    )
+    assert done.returncode in status, done.stdout + done.stderr
+    return done.stdout
+
+
+@pytest.mark.timeout(1800)
+def test_an_added_task_is_generated_learnt_evaluated_and_listed(beside: Path, tmp_path: Path) -> None:
+    options = f"--task {TASK} --n-demos 2 --steps 2 --keep-steps 2 --val-episodes 1 --test-episodes 1 --processes 2"
+    train = "--batch 2 --phrases 0"
+    run(beside, "cliport_benchmark.experiment_cli", *options.split(), "--train-options", train, "--out", str(tmp_path))
+    meta = read_json(tmp_path / "data" / TASK / "2" / "meta.json")
+    assert meta["task"] == TASK and meta["stepwise"] is False
+    folder = tmp_path / TASK / "compact" / "2-demos"
+    learnt = read_json(folder / "test" / f"{TASK}.json")
+    assert learnt["n_episodes"] == 1 and re.fullmatch(SENTENCE, learnt["episodes"][0]["instruction"])
+
+    expert = tmp_path / "results" / "expert.json"
+    evaluate = ["cliport_benchmark.evaluate_cli", "--task", TASK, "--split", "test"]
+    run(beside, *evaluate, "--checkpoint", "expert", "--episodes", "2", "--processes", "2", "--out", str(expert))
+    assert read_json(expert)["mean_score"] == 100.0 and read_json(expert)["chance"] == 43.75
+    shutil.copy(folder / "test" / f"{TASK}.json", expert.with_name("learnt.json"))
+    table = run(beside, "cliport_benchmark.results", str(expert.parent))
+    _, _, others = table.partition("## Other tasks")
+    assert f"| {TASK} | expert | test | 100.0 | 2 |" in others and others.count(f"| {TASK} |") == 2
+
+    several = ["--goals-per-scene", "3", "--episodes", "1", "--out", str(tmp_path / "several")]
+    run(beside, "cliport_benchmark.generate_cli", "--task", TASK, *several)
+    own, *more = load_demonstrations(tmp_path / "several").frames[0].demos
+    assert len({own.instruction, *(demo.instruction for demo in more)}) == 3
+    assert all(re.fullmatch(SENTENCE, demo.instruction) for demo in (own, *more))
+
+
+@pytest.mark.timeout(900)
+def test_the_demo_shows_an_added_task(beside: Path, tmp_path: Path) -> None:
+    said = run(beside, "cliport_benchmark.demo", "--task", TASK, "--out", str(tmp_path), status=(0, 1))
+    assert re.search(f"demo: instruction: {SENTENCE}", said)  # whether the shipped policy can do it is another matter
+    assert re.search(rf"demo: (success|failure) task={TASK} seed=3 score=\d", said)
+    assert (tmp_path / "before.png").is_file() and (tmp_path / "after.png").is_file()
