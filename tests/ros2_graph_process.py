@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import time
 from contextlib import suppress
@@ -57,7 +58,7 @@ class PickPlaceNode(Node):
     def _execute(self, goal: Any) -> Any:
         if goal.request.instruction == "wait":
             print("waiting", flush=True)
-            while not goal.is_cancel_requested:
+            while rclpy.ok() and not goal.is_cancel_requested:
                 time.sleep(0.02)
             goal.canceled()
             print("canceled", flush=True)
@@ -78,6 +79,7 @@ def main(what: str) -> None:
     print("ready", flush=True)
     with suppress(KeyboardInterrupt, ExternalShutdownException):
         executor.spin()
+    os._exit(0)  # joining the executor's threads may never end
 
 
 if __name__ == "__main__":
