@@ -23,6 +23,7 @@ COMPLIANT = (
     "demo_tool",
     "panda_executor",
     "panda_model",
+    "sim_bridge",
 )
 # Words that continue a sentence which the name has begun, or that make a riddle of it.
 BANNED_OPENERS = {
