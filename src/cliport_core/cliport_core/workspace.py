@@ -84,9 +84,8 @@ class WorkspaceSpec:
         if not self.contains_xy(x, y):
             bounds = f"x {self.x_min:g}..{self.x_max:g}, y {self.y_min:g}..{self.y_max:g} m"
             raise PixelOutsideError(x, y, bounds)
-        row = math.floor((y - self.y_min) / self.pixel_size)
-        col = math.floor((x - self.x_min) / self.pixel_size)
-        return min(row, self.rows - 1), min(col, self.cols - 1)
+        row, col = self.to_pixels((x, y))
+        return int(row), int(col)
 
     def to_pixels(self, points: npt.ArrayLike) -> npt.NDArray[np.intp]:
         """Return the pixels (row, col) that hold points (..., 2) or (..., 3) [m, base frame], as (..., 2).
@@ -94,9 +93,17 @@ class WorkspaceSpec:
         Points outside the workspace get pixels outside the grid: ask `contains` first.
         """
         xy = np.asarray(points, dtype=np.float64)
-        rows = np.floor((xy[..., 1] - self.y_min) / self.pixel_size)
-        cols = np.floor((xy[..., 0] - self.x_min) / self.pixel_size)
+        rows = self._indices(xy[..., 1], self.y_min, self.y_max, self.rows)
+        cols = self._indices(xy[..., 0], self.x_min, self.x_max, self.cols)
         return np.stack([rows, cols], axis=-1).astype(np.intp)
+
+    def _indices(self, values: npt.NDArray[np.float64], low: float, high: float, count: int) -> npt.NDArray[np.float64]:
+        """Return the indices of pixels along one axis, `count` of them from `low` to `high` [m].
+
+        Rounding in the division moves no value over the upper bound, in neither direction.
+        """
+        found = np.floor((values - low) / self.pixel_size)
+        return np.where(values < high, np.minimum(found, count - 1), np.maximum(found, count))
 
     def contains(self, points: npt.ArrayLike, border: float = 0.0) -> npt.NDArray[np.bool_]:
         """Return a mask of the points (..., 2) or (..., 3) [m, base frame] inside the bounds (upper ones excluded).
@@ -110,7 +117,7 @@ class WorkspaceSpec:
 
     def contains_xy(self, x: float, y: float) -> bool:
         """Return True if one position [m, base frame] is inside the bounds, the upper ones excluded."""
-        return self.x_min <= x < self.x_max and self.y_min <= y < self.y_max
+        return bool(self.contains((x, y)))
 
     def yaw_of_bin(self, index: int) -> float:
         """Return the angle of a rotation bin [rad], 0 <= yaw < 2 pi."""

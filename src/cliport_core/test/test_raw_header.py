@@ -20,3 +20,9 @@ def test_headers_are_read_without_the_rest() -> None:
 
 def test_either_byte_order_is_read() -> None:
     assert header_of_raw(bytes.fromhex("00000000 00000002 00000003 00000002 6100")) == (2_000_000_003, "a")
+
+
+@pytest.mark.parametrize(("length", "frame"), [(0, ""), (1, ""), (2, "b"), (3, "bc")])
+def test_a_frame_ends_before_its_terminating_zero(length: int, frame: str) -> None:
+    raw = bytes.fromhex("00010000 02000000 03000000") + length.to_bytes(4, "little") + b"bcde"
+    assert header_of_raw(raw) == (2_000_000_003, frame)

@@ -43,3 +43,14 @@ def test_what_is_no_image_is_refused() -> None:
             image_of_raw(raw[:end])
     with pytest.raises(ImageError, match="announces 48 bytes of pixels, and 38 came"):
         image_of_raw(raw[:-10])
+
+
+@pytest.mark.parametrize("encoding", ["x", "xy", "xyz", "mono", "mono8", "mono16"])
+@pytest.mark.parametrize("frame", ["", "a", "ab", "abc"])
+def test_every_alignment_of_the_pixels_is_found(encoding: str, frame: str) -> None:
+    """The lengths of two texts decide where step, size and pixels begin."""
+    message = image_to_msg(RNG.integers(0, 256, (3, 5, 3), dtype=np.uint8), "rgb8")
+    message.header.frame_id, message.encoding = frame, encoding
+    image = image_of_raw(bytes(serialize_message(message)))
+    assert (image.height, image.width, image.step, image.encoding) == (3, 5, 15, encoding)
+    assert bytes(image.data) == bytes(message.data)

@@ -3,9 +3,11 @@
 import ast
 import sqlite3
 import sys
+from contextlib import closing
 from pathlib import Path
 
 import pytest
+from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
@@ -44,6 +46,47 @@ def test_what_lies_before_the_tear_is_read(file: Path, left: float) -> None:
     assert len(messages) <= left * COUNT + 1
     if file.suffix == ".mcap" and left >= 0.3:
         assert len(messages) >= left * COUNT - 3
+
+
+def test_offers_of_publishers_are_read(tmp_path: Path) -> None:
+    with Writer(tmp_path / "bag", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        qos = [
+            Qos(
+                QosHistory.KEEP_LAST,
+                5,
+                QosReliability.RELIABLE,
+                QosDurability.TRANSIENT_LOCAL,
+                QosTime(0, 0),
+                QosTime(0, 0),
+                QosLiveliness.AUTOMATIC,
+                QosTime(0, 0),
+                False,
+            )
+        ]
+        connection = writer.add_connection(
+            "/said", "std_msgs/msg/String", typestore=get_typestore(Stores.ROS2_JAZZY), offered_qos_profiles=qos
+        )
+        writer.write(connection, 1, b"\x00\x01\x00\x00")
+    (message,) = whole_messages(tmp_path / "bag" / "bag.mcap")
+    assert "depth: 5" in message.topic.offered_qos
+    assert "string data" in message.topic.definition
+
+
+def test_a_database_without_its_last_pages_still_gives_its_first_messages(tmp_path: Path) -> None:
+    """SQLite refuses a file that is shorter than its header says, unless it is told to make do with it."""
+    path = tmp_path / "torn.db3"
+    with closing(sqlite3.connect(path)) as database:
+        database.execute("CREATE TABLE topics(id INTEGER PRIMARY KEY, name, type, serialization_format)")
+        database.execute("CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id, timestamp, data)")
+        database.execute("INSERT INTO topics VALUES (1, '/said', 'std_msgs/msg/String', 'cdr')")
+        for number in range(100):
+            database.execute("INSERT INTO messages VALUES (?, 1, ?, ?)", (number, number, bytes(1000)))
+        database.commit()
+    whole = path.read_bytes()
+    path.write_bytes(whole[: len(whole) // 2])
+    stamps = [message.stamp_ns for message in whole_messages(path)]
+    assert 10 < len(stamps) < 90
+    assert stamps == list(range(len(stamps)))
 
 
 @pytest.mark.parametrize("name", ["x.mcap", "x.db3"])

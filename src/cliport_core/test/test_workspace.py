@@ -107,3 +107,16 @@ def test_a_border_narrows_and_widens_the_bounds() -> None:
     assert workspace.contains(edge)
     assert not workspace.contains(edge, border=0.02)
     assert workspace.contains((workspace.x_min - 0.01, 0.0), border=-0.02)
+
+
+@pytest.mark.parametrize(
+    "spec", [WorkspaceSpec(), WorkspaceSpec(x_min=0.1, x_max=0.7, y_min=-0.3, y_max=0.3, pixel_size=0.003)]
+)
+def test_no_rounding_moves_a_point_over_the_upper_bounds(spec: WorkspaceSpec) -> None:
+    just_inside = (np.nextafter(spec.x_max, 0.0), np.nextafter(spec.y_max, 0.0))
+    assert spec.contains(just_inside)
+    assert spec.to_pixels(just_inside).tolist() == [spec.rows - 1, spec.cols - 1]
+    assert spec.xy_to_pixel(*just_inside) == (spec.rows - 1, spec.cols - 1)
+    assert not spec.contains((spec.x_max, 0.0)) and not spec.contains((spec.x_min, spec.y_max))
+    assert spec.to_pixels((spec.x_max, spec.y_max)).tolist() == [spec.rows, spec.cols]
+    assert spec.to_pixels((np.nextafter(spec.x_min, 0.0), np.nextafter(spec.y_min, -1.0))).tolist() == [-1, -1]

@@ -254,3 +254,11 @@ def test_a_file_that_may_not_grow_is_a_full_disk(writer: EpisodeWriter, scene: S
     assert not list(writer.path.glob("*.mcap"))
     writer.add_step(scene(0), record)
     assert len(read_episode(writer.path).steps) == 1
+
+
+def test_the_only_step_comes_back(writer: EpisodeWriter, scene: Scene, record: StepRecord) -> None:
+    writer.add_step(scene(0), record)
+    writer.undo_step()
+    assert writer.n_steps == 0
+    writer.restore_step()
+    assert writer.n_steps == 1

@@ -30,6 +30,13 @@ def test_each_product_keeps_its_rate(box_scene) -> None:
     assert clouds == 2
 
 
+def test_no_rate_admits_every_frame(box_scene) -> None:
+    processor = make(heightmap_hz=0.0, points_hz=0.0)
+    for _ in range(2):
+        assert processor.admits(5_000 * MS, 5_000 * MS)
+        assert processor.process(*box_scene, 5_000 * MS).cloud is not None
+
+
 def test_a_clock_reset_does_not_stop_it(box_scene) -> None:
     processor = make()
     processor.process(*box_scene, 90_000 * MS)

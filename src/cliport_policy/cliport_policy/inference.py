@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from cliport_core.action import PickPlaceAction
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class AffordanceMaps:
     """Scores over the workspace's pixels, for people to look at.
 
@@ -46,7 +46,7 @@ class Inference:
         return min(self.pick_confidence, self.place_confidence)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Explanation:
     """An inference with its maps, and what was thought of the rotations, bin i standing for i * 360 / k degrees.
 

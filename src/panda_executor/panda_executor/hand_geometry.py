@@ -76,7 +76,7 @@ def _thinned(points: FloatArray, spacing: float) -> FloatArray:
     return points[first]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class HandShape:
     """The hand with its fingers `width` [m] apart (None: open), with or without an object, grown by `margin` [m]."""
 

@@ -12,7 +12,7 @@ from panda_executor.errors import TrajectoryError
 from panda_executor.motions import Motion
 from panda_executor.phase import Phase
 from panda_executor.ports import ArmPort, GripperPort, MotionStatus, ShouldStop
-from panda_executor.validation import validate_trajectory
+from panda_executor.validation import validate_start, validate_trajectory
 from panda_model.limits import FloatArray, JointLimits
 
 OnPhase = Callable[[Phase, float], None]
@@ -116,7 +116,8 @@ class RunCommands:
     def _validate(self, motion: Motion) -> None:
         here = self.positions()
         try:
-            validate_trajectory(motion.trajectory, self._limits, motion.scene, here, self.config.start_tolerance)
+            validate_start(motion.trajectory, here, self.config.start_tolerance)
+            validate_trajectory(motion.trajectory, self._limits, motion.scene)
         except TrajectoryError as error:
             raise EarlyEnd(Outcome.EXECUTION_FAILED, f"{motion.phase.name.lower()} was not sent: {error}") from None
 

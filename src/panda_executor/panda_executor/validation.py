@@ -15,31 +15,32 @@ _SUBSTEPS = 4  # between two points, where the controller interpolates
 _TOLERANCE = 1.02  # on velocity, acceleration and jerk: rounding of the interpolation
 
 
-def validate_trajectory(
-    trajectory: JointTrajectory,
-    limits: JointLimits,
-    scene: Scene,
-    start: FloatArray | None = None,
-    start_tolerance: float = 0.02,
-) -> None:
-    """Check form, limits and collisions of what the controller will do with a trajectory.
-
-    Args:
-        limits: position, velocity, acceleration and jerk that must hold between the points, too.
-        scene: the hand as it is during this motion, and what it must not touch.
-        start: where the arm is now (7,) [rad]; the trajectory must begin there, within start_tolerance [rad].
+def validate_start(trajectory: JointTrajectory, start: FloatArray, tolerance: float) -> None:
+    """Check the form of a trajectory and that it begins where the arm is, `start` (7,), within `tolerance` [rad].
 
     Raises:
         TrajectoryError: names the first thing that is wrong.
     """
     _check_form(trajectory)
-    if start is not None:
-        mismatch = float(np.abs(trajectory.start - start).max())
-        if not mismatch <= start_tolerance:
-            raise TrajectoryError(
-                f"the arm is {mismatch:.3f} rad away from where the motion begins "
-                f"(at most {start_tolerance:g}); observe again before moving"
-            )
+    mismatch = float(np.abs(trajectory.start - start).max())
+    if not mismatch <= tolerance:
+        raise TrajectoryError(
+            f"the arm is {mismatch:.3f} rad away from where the motion begins "
+            f"(at most {tolerance:g}); observe again before moving"
+        )
+
+
+def validate_trajectory(trajectory: JointTrajectory, limits: JointLimits, scene: Scene) -> None:
+    """Check form, limits and collisions of what the controller will do with a trajectory.
+
+    Args:
+        limits: position, velocity, acceleration and jerk that must hold between the points, too.
+        scene: the hand as it is during this motion, and what it must not touch.
+
+    Raises:
+        TrajectoryError: names the first thing that is wrong.
+    """
+    _check_form(trajectory)
     position, velocity, acceleration, jerk = trajectory.sample(_fine_times(trajectory.times))
     _check_limits(trajectory, limits, position, velocity, acceleration, jerk)
     _check_collisions(scene, dense_positions(position, scene))

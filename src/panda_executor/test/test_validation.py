@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import inspect
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from panda_executor.config import ExecutorConfig
 from panda_executor.errors import TrajectoryError
 from panda_executor.ik import hand_down_pose
 from panda_executor.model import PandaModel
@@ -15,11 +17,18 @@ from panda_executor.scene import Scene
 from panda_executor.timing import time_path
 from panda_executor.trajectory import JointTrajectory
 from panda_executor.transfer import TransferPlanner
-from panda_executor.validation import MAX_JOINT_STEP, MAX_TCP_STEP, dense_positions, validate_trajectory
-from panda_model import FloatArray, load_preset
+from panda_executor.validation import (
+    MAX_JOINT_STEP,
+    MAX_TCP_STEP,
+    dense_positions,
+    validate_start,
+    validate_trajectory,
+)
+from panda_model import load_preset
 
 READY_POSITIONS = load_preset().ready
 PANDA_LIMITS = load_preset().limits
+TOLERANCE = ExecutorConfig.for_arm(load_preset()).start_tolerance
 
 ASIDE = READY_POSITIONS + np.array([0.4, 0.1, 0.0, 0.1, 0.0, 0.1, 0.3])
 
@@ -29,14 +38,23 @@ def good(model: PandaModel) -> JointTrajectory:
     return time_path(np.stack([READY_POSITIONS, ASIDE]), PANDA_LIMITS.scaled(0.5, 0.5, 0.5), model, 1.0)
 
 
-def refuse(trajectory: JointTrajectory, scene: Scene, words: str, start: FloatArray | None = None) -> None:
+def refuse(trajectory: JointTrajectory, scene: Scene, words: str) -> None:
     with pytest.raises(TrajectoryError, match=words) as caught:
-        validate_trajectory(trajectory, PANDA_LIMITS, scene, start)
+        validate_trajectory(trajectory, PANDA_LIMITS, scene)
     assert "\n" not in str(caught.value)
 
 
 def test_a_good_one_passes(good: JointTrajectory, free_scene: Scene) -> None:
-    validate_trajectory(good, PANDA_LIMITS, free_scene, READY_POSITIONS + 0.019)
+    validate_start(good, READY_POSITIONS + 0.029, TOLERANCE)
+    validate_start(good, READY_POSITIONS + 0.019, 0.02)
+    validate_trajectory(good, PANDA_LIMITS, free_scene)
+
+
+def test_one_tolerance_decides_where_a_motion_may_begin(good: JointTrajectory) -> None:
+    """The configuration states it; no other default stands beside it."""
+    with pytest.raises(TrajectoryError, match=r"is 0.031 rad away .* \(at most 0.03\)"):
+        validate_start(good, READY_POSITIONS + 0.031, TOLERANCE)
+    assert inspect.signature(validate_start).parameters["tolerance"].default is inspect.Parameter.empty
 
 
 @pytest.mark.parametrize("name", ["times", "positions", "velocities", "accelerations"])
@@ -63,10 +81,11 @@ def test_ends_that_move(good: JointTrajectory, free_scene: Scene, row: int, name
 
 
 @pytest.mark.parametrize("offset", [0.05, np.nan])
-def test_an_arm_that_is_elsewhere(good: JointTrajectory, free_scene: Scene, offset: float) -> None:
+def test_an_arm_that_is_elsewhere(good: JointTrajectory, offset: float) -> None:
     elsewhere = READY_POSITIONS.copy()
     elsewhere[3] += offset
-    refuse(good, free_scene, "observe again", elsewhere)
+    with pytest.raises(TrajectoryError, match="observe again"):
+        validate_start(good, elsewhere, TOLERANCE)
 
 
 @pytest.mark.parametrize("joint", range(7))

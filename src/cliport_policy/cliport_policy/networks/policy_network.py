@@ -12,7 +12,7 @@ from cliport_policy.named_configs import AnyNetworkConfig
 from cliport_policy.networks.rotation import bin_angles
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Goal:
     """Batch of goals.
 

@@ -59,7 +59,7 @@ class ArmControllerConfig:
         )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class JointCommand:
     """Desired positions (7,) [rad], velocities (7,) [rad/s] and accelerations (7,) [rad/s^2]."""
 

@@ -40,7 +40,7 @@ __all__ = [
 ]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class TrajectoryFeedback:
     """Desired and actual motion at `time` [s]; arrays (7,) in rad and rad/s."""
 

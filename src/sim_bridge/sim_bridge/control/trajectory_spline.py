@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 Array: TypeAlias = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Knot:
     """A time [s] and joint values (joints,) in rad, rad/s, rad/s^2; None where they are not prescribed."""
 

@@ -1,0 +1,5 @@
+from value_types import complaints
+
+
+def test_dataclasses_are_values() -> None:
+    assert complaints("panda_model", mutable=set()) == []
