@@ -4,6 +4,7 @@ import { DrawnEnds, ENDS } from "./draft.js";
 import { drawEnd, drawSketch } from "./drawing.js";
 import { boxBetween, boxMoved, isLargeEnough, rotationTowards } from "./geometry.js";
 import { boxDragged, cursorOver, heldAt, reachOf } from "./grips.js";
+import { ARROWS, firstBox, keyboardGroup, labelOf, stepOf } from "./keyboard.js";
 
 /** @import { Box, Camera, Draft, EndName } from "./protocol" */
 /** @import { Drawn, Shown } from "./draft.js" */
@@ -14,11 +15,7 @@ import { boxDragged, cursorOver, heldAt, reachOf } from "./grips.js";
 /** @typedef {{ start: Point, drawing: boolean, held: Held | null }} Press */
 
 const LETTERS = { pick: "A", place: "B" };
-/** @type {Record<string, Point>} */
-const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
 const DRAG_PX = 6; // on the screen: less is a click
-const KEY_STEP = 2, HELD_STEP = 10; // picture pixels
-const FIRST_SIZE = 64;
 
 export class Stage extends EventTarget {
   #svg;
@@ -123,7 +120,7 @@ export class Stage extends EventTarget {
       const parts = shown ? drawEnd(shown, LETTERS[end], end === this.active, this.#pixel()) : [];
       if (this.#sketch?.end === end) parts.push(...drawSketch(this.#sketch.box, LETTERS[end], this.#pixel()));
       group.replaceChildren(...parts);
-      group.setAttribute("aria-label", this.#label(end, shown));
+      group.setAttribute("aria-label", labelOf(end, this.#sketch?.end === end ? this.#sketch.box : null, shown, this.#rotations));
     }
   }
 
@@ -227,10 +224,7 @@ export class Stage extends EventTarget {
 
   /** @param {EndName} end */
   #makeGroup(end) {
-    const group = document.createElementNS("http://www.w3.org/2000/svg", "g");
-    group.setAttribute("tabindex", "0");
-    group.setAttribute("role", "application");
-    group.setAttribute("class", `end-drawing ${end}`);
+    const group = keyboardGroup(end);
     group.addEventListener("focus", () => this.#focused(end));
     group.addEventListener("blur", () => this.#left(end));
     group.addEventListener("keydown", (event) => this.#key(end, event));
@@ -242,7 +236,7 @@ export class Stage extends EventTarget {
   #focused(end) {
     if (this.#pressed) return;
     this.choose(end);
-    if (this.enabled && !this.shown(end)) this.#sketch = { end, box: this.#firstBox(end) };
+    if (this.enabled && !this.shown(end)) this.#sketch = { end, box: firstBox(end, this.#size) };
     this.draw();
   }
 
@@ -275,7 +269,7 @@ export class Stage extends EventTarget {
       this.turn(end, dx + dy);
       return;
     }
-    const step = event.repeat ? HELD_STEP : KEY_STEP;
+    const step = stepOf(event);
     this.#sketch.box = boxMoved(this.#sketch.box, [dx * step, dy * step], event.shiftKey, ...this.#size);
     this.draw();
   }
@@ -287,36 +281,9 @@ export class Stage extends EventTarget {
       this.#sketch = null;
       this.#putBox(end, box);
     } else {
-      this.#sketch = { end, box: this.shown(end)?.box ?? this.#firstBox(end) };
+      this.#sketch = { end, box: this.shown(end)?.box ?? firstBox(end, this.#size) };
       this.draw();
     }
-  }
-
-  /**
-   * @param {EndName} end
-   * @returns {Box}
-   */
-  #firstBox(end) {
-    const [width, height] = this.#size;
-    const left = Math.round(width * (end === "pick" ? 0.4 : 0.6) - FIRST_SIZE / 2);
-    const top = Math.round(height / 2 - FIRST_SIZE / 2);
-    return [top, left, top + FIRST_SIZE, left + FIRST_SIZE];
-  }
-
-  /**
-   * @param {EndName} end
-   * @param {Shown | null} shown
-   */
-  #label(end, shown) {
-    const name = end === "pick" ? "Pick" : "Place";
-    if (this.#sketch?.end === end) {
-      const [top, left, bottom, right] = this.#sketch.box;
-      return `${name}: box of ${right - left} by ${bottom - top} at column ${left}, row ${top}. ` +
-        "Arrows move it, with Shift they change its size, Enter puts it down.";
-    }
-    if (!shown) return `${name}: no box yet. Enter begins one.`;
-    return `${name}: turned by ${shown.rotation * 360 / this.#rotations} degrees. ` +
-      `Arrows turn it, Enter moves its box. ${shown.judged?.words ?? ""}`;
   }
 
   // towards the server

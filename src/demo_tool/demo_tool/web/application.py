@@ -6,7 +6,6 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from http import HTTPStatus
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from starlette.applications import Starlette
 from starlette.middleware import Middleware
@@ -15,6 +14,7 @@ from starlette.responses import FileResponse, Response
 from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
 
+from demo_tool.station import Station
 from demo_tool.web.access import AccessRule
 from demo_tool.web.arm_holder import ArmHolder
 from demo_tool.web.commands import Commands
@@ -23,9 +23,6 @@ from demo_tool.web.guard import Guard
 from demo_tool.web.pictures import Pictures
 from demo_tool.web.session import Sessions
 from demo_tool.web.state_feed import StateFeed
-
-if TYPE_CHECKING:
-    from demo_tool.station import Station
 
 STATIC = Path(__file__).resolve().parents[1] / "static"
 _REVALIDATE = {"Cache-Control": "no-cache"}

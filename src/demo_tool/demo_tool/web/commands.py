@@ -5,16 +5,14 @@ from __future__ import annotations
 import logging
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import anyio
 from anyio.to_thread import run_sync
 
 from demo_tool.errors import DemoToolError
+from demo_tool.station import Station
 from demo_tool.web.arm_holder import ArmHolder, Standing
-
-if TYPE_CHECKING:
-    from demo_tool.station import Station
 
 logger = logging.getLogger(__name__)
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from http import HTTPStatus
-from typing import TYPE_CHECKING
 
 import anyio
 from anyio.to_thread import run_sync
@@ -13,10 +12,8 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 from demo_tool.errors import DemoToolError
+from demo_tool.station import Station
 from demo_tool.web.jpeg import LEVELS, START_LEVEL, JpegCache, encode, next_level
-
-if TYPE_CHECKING:
-    from demo_tool.station import Station
 
 LIVE = frozenset({"color", "heightmap", "pick_affordance", "place_affordance"})
 MAX_POLLS = 24

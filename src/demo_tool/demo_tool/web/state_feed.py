@@ -6,13 +6,12 @@ import asyncio
 from collections.abc import AsyncIterator, Mapping
 from contextlib import asynccontextmanager
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import anyio
 from anyio.to_thread import run_sync
 
-if TYPE_CHECKING:
-    from demo_tool.station import Station
+from demo_tool.station import Station
 
 HEARTBEAT_S = 1.0
 _MIN_PERIOD_S = 1.0 / 15.0
