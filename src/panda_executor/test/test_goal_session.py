@@ -153,3 +153,9 @@ def test_other_ends_succeed_or_abort(session: Session, outcome: Outcome) -> None
     result, handle = session.ask()
     well = outcome in (Outcome.SUCCEEDED, Outcome.PLANNED)
     assert (result.outcome, handle.ended) == (outcome, ["succeeded" if well else "aborted"])
+
+
+def test_each_goal_is_planned_around_the_camera_where_it_stands(session: Session) -> None:
+    session.see(10.0)
+    assert session.ask()[0].outcome is Outcome.SUCCEEDED
+    np.testing.assert_array_equal(session.camera_position, np.zeros(3))

@@ -122,3 +122,19 @@ def test_a_ring_goes_over_a_peg(workspace: WorkspaceSpec) -> None:
     distance = np.hypot(*held.surface(HAND.palm_above_tcp)[:, :2].T)
     assert distance.min() > 0.01  # and the checks leave the hole free
     assert distance.max() == pytest.approx(0.028, abs=0.003)
+
+
+@pytest.mark.parametrize(("held_at", "placed_at"), [(0.6, -0.2), (-0.5, 0.4)])
+def test_a_long_thing_lies_on_what_is_under_its_end_once_it_is_turned(
+    workspace: WorkspaceSpec, held_at: float, placed_at: float
+) -> None:
+    cube = Cube(0.45, 0.15, held_at, size=(0.03, 0.10, 0.04))
+    grasp = plan_grasps(seen_cloud(cube_points(cube)), PlanarPose(0.45, 0.15, held_at), workspace)[0]
+    place = PlanarPose(0.45, -0.2, placed_at)
+    end = Cube(
+        place.x - 0.038 * math.sin(placed_at), place.y + 0.038 * math.cos(placed_at), placed_at, size=(0.02, 0.02, 0.03)
+    )
+    under = plan_placement(seen_cloud(cube_points(end)), place, placed_at, grasp, workspace)
+    assert under.support_z == pytest.approx(0.03, abs=0.004)
+    across = PlanarPose(0.45, -0.2, placed_at + math.pi / 2)
+    assert plan_placement(seen_cloud(cube_points(end)), across, across.yaw, grasp, workspace).support_z < 0.004
