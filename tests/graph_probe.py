@@ -1,4 +1,4 @@
-"""What the graph tests need beyond a user's client: direct goals, fault injection, and the arm's motion over time."""
+"""A probe for the graph tests, beyond a user's client: direct goals, fault injection, and motion over time."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ class GraphProbe(GraphClient):
         return max((speed for stamp, speed in list(self._history) if stamp >= since), default=0.0)
 
     def positions(self, names: list[str]) -> NDArray[np.float64]:
-        """Where joints were heard to be last [rad]."""
+        """Return the joints' positions as they were last heard [rad]."""
         return np.array([self._positions[name] for name in names])
 
     def _wait_speed(self, wanted: Any, since: float, timeout: float) -> float:

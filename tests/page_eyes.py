@@ -1,4 +1,4 @@
-"""What somebody at the page makes out on the live picture, by colour alone. Points are (col, row) in its pixels."""
+"""Eyes of somebody at the page: things on the live picture, by colour alone. Points are (col, row) in its pixels."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def of_color(picture: NDArray[np.uint8], color: str) -> NDArray[np.uint8]:
 
 
 def find(picture: NDArray[np.uint8], color: str, least: int = 150) -> list[Blob]:
-    """What has a colour in an RGB picture (H, W, 3), from left to right."""
+    """Find the things of a colour in an RGB picture (H, W, 3), from left to right."""
     mask = cv2.morphologyEx(of_color(picture, color), cv2.MORPH_CLOSE, np.ones((5, 5), np.uint8))
     contours, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     blobs = []
@@ -53,12 +53,12 @@ def find(picture: NDArray[np.uint8], color: str, least: int = 150) -> list[Blob]
 
 
 def inside(inner: Blob, outer: Blob) -> bool:
-    """Whether one lies within another."""
+    """Return True if one lies within another."""
     return all(abs(a - b) < half for a, b, half in zip(inner.centre, outer.centre, outer.half, strict=True))
 
 
 def sweep(picture: NDArray[np.uint8]) -> tuple[Blob, Blob]:
-    """From behind the red thing that lies farthest from the green square into the square."""
+    """Return a sweep from behind the red thing that is farthest from the green square into the square."""
     red, square = _points(picture, "red"), _middle(picture, "green")
     farthest = red[np.argmax(np.linalg.norm(red - square, axis=1))]
     forth = (square - farthest) / np.linalg.norm(square - farthest)
@@ -80,7 +80,7 @@ def fold(picture: NDArray[np.uint8]) -> tuple[Blob, Blob]:
 
 
 def distance(picture: NDArray[np.uint8], color: str, point: tuple[float, float]) -> float:
-    """To the nearest pixel of a colour."""
+    """Return the distance to the nearest pixel of a colour."""
     return float(np.linalg.norm(_points(picture, color) - point, axis=1).min())
 
 

@@ -96,7 +96,7 @@ class Person:
             raise AssertionError(f"the page is not {state}; it says: {words.text_content()}") from None
 
     def picture(self) -> NDArray[np.uint8]:
-        """What the live view shows: (H, W, 3) RGB."""
+        """Return the picture of the live view, (H, W, 3) RGB."""
         url = self.page.evaluate("document.getElementById('live').toDataURL('image/png')")
         coded = np.frombuffer(base64.b64decode(url.split(",")[1]), np.uint8)
         return np.ascontiguousarray(cv2.imdecode(coded, cv2.IMREAD_COLOR)[..., ::-1])
@@ -279,7 +279,7 @@ def sweep_or_fold(person: Person, client: GraphClient, primitive: str, seed: int
 
 
 def go_on(person: Person) -> None:
-    """What somebody does whose page has lost its server: load it again, open the same data set."""
+    """Do as somebody whose page has lost its server: load it again, open the same data set."""
     person.page.reload()
     person.sees("ready")
     person.open_data_set(DATA_SET)
@@ -287,7 +287,7 @@ def go_on(person: Person) -> None:
 
 
 def outcomes(data_set: Path) -> list[list[int]]:
-    """What each episode's steps came to, read with the `rosbags` library and the definitions in the bags."""
+    """Return the outcome of each episode's steps, read with the `rosbags` library and the definitions in the bags."""
     found = []
     for folder in sorted((data_set / "episodes").iterdir()):
         with Reader(folder) as reader:

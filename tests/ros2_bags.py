@@ -1,4 +1,4 @@
-"""What the tests of `ros2 bag` share: bags as rosbag2 lays them out, and a node that publishes and listens."""
+"""Helpers for the tests of `ros2 bag`: bags as rosbag2 lays them out, and a node that publishes and listens."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the tests of `ros2` share: the command run to its end, and processes that are read while they run."""
+"""Helpers for the tests of `ros2`: the command run to its end, and processes that are read while they run."""
 
 from __future__ import annotations
 

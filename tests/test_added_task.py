@@ -31,7 +31,7 @@ def beside(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def run(beside: Path, module: str, *arguments: str, status: tuple[int, ...] = (0,)) -> str:
-    """What a command says in a process of its own that finds the example."""
+    """Run a command in a process that finds the example, and return its words."""
     path = os.pathsep.join([str(beside), os.environ.get("PYTHONPATH", "")])
     done = subprocess.run(
         [sys.executable, "-m", module, *arguments],

@@ -1,4 +1,4 @@
-"""What the repository says about its sources can be followed: links, citations, and the benchmark's pages."""
+"""References in the repository can be followed: links, citations, and the benchmark's pages."""
 
 from __future__ import annotations
 

@@ -35,7 +35,7 @@ def episode(tmp_path_factory: pytest.TempPathFactory) -> Episode:
 
 
 class Listener:
-    """What the policy server says, and whether there is anything that could move."""
+    """Listener to the policy server's words, and to anything that could move."""
 
     def __init__(self, domain: int) -> None:
         self._context = rclpy.Context()

@@ -63,7 +63,7 @@ def test_one_storage_file_is_a_bag(tmp_path):
 
 
 def counted(path: Path) -> tuple[int, str]:
-    """What `info` counts in a torn bag, and the one line it says about it."""
+    """Return the counts of `info` for a torn bag, and the one line it says about it."""
     info = bag_command("info", path)
     assert info.returncode == 0, info.stderr
     assert len(info.stderr.splitlines()) == 1

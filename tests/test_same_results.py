@@ -1,4 +1,4 @@
-"""What is left out on a frame's way changes no result: the plain way and the short one, bit by bit."""
+"""Short cuts on a frame's way change no result: the plain way and the short one, bit by bit."""
 
 from collections.abc import Iterator
 

@@ -49,7 +49,7 @@ def telling_numbers() -> frozenset[float]:
 
 
 def is_number(node: ast.expr | None) -> bool:
-    """Whether an expression is made of numbers alone, at least one of them not zero."""
+    """Return True if an expression is made of numbers alone, at least one of them not zero."""
     if isinstance(node, (ast.Tuple, ast.List)):
         return bool(node.elts) and all(is_number(part) for part in node.elts)
     if isinstance(node, ast.Dict):
@@ -88,7 +88,7 @@ def docstrings(tree: ast.Module) -> set[int]:
 
 
 def faults_in(text: str, where: str) -> list[str]:
-    """What a module states that panda_model states already, in words."""
+    """Return the statements of a module that panda_model makes already, in words."""
     tree = ast.parse(text)
     faults = [
         f"{where}:{line}: {name} is a dimension of the hand: take it from panda_model's HandModel"

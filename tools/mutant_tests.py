@@ -1,4 +1,4 @@
-"""Which of a package's tests reach a line, and how long each takes: one run of all of them under coverage."""
+"""Reach and duration of a package's tests: one run of all of them under coverage."""
 
 from __future__ import annotations
 

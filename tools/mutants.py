@@ -88,7 +88,7 @@ def test(spec: MutationSpec, tests: list[str], limit: float, folder: Path) -> Wo
 
 
 def outcome(result: WorkResult) -> str:
-    """A result in a word: killed, timeout, survived, not reached, or incompetent (cosmic-ray or pytest could not)."""
+    """Return a word for a result: killed, timeout, survived, not reached, or incompetent (it could not be tried)."""
     output = result.output or ""
     if result.worker_outcome is WorkerOutcome.NO_TEST:
         return "not reached"
@@ -100,7 +100,7 @@ def outcome(result: WorkResult) -> str:
 
 
 def judge(item: WorkItem, tests: list[str], limit: float, database: WorkDB, folder: Path) -> dict[str, Any]:
-    """What came of a mutant, now or in the run that was interrupted."""
+    """Return the verdict on a mutant, of now or of the run that was interrupted."""
     spec, earlier = item.mutations[0], dict(database.results).get(item.job_id)
     if earlier is not None:
         result = earlier

@@ -73,7 +73,7 @@ def test_a_killed_parent_leaves_no_process(tmp_path: Path) -> None:
 
 
 def alive(pid: int) -> bool:
-    """Whether it runs: one that ended and that nobody waited for does not."""
+    """Return True if a process runs: one that ended and that nobody waited for does not."""
     try:
         return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
     except FileNotFoundError:

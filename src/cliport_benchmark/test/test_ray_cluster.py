@@ -24,7 +24,7 @@ class RayActorError(Exception):
 
 
 class RayTaskError(Exception):
-    """What a task raised, and where."""
+    """A task's exception with its place."""
 
     def __init__(self, cause: Exception) -> None:
         super().__init__(f"Traceback (most recent call last): ... {cause}")

@@ -22,7 +22,7 @@ SENTENCE = "put the orange blocks in a purple bowl"
 
 @pytest.fixture(scope="module")
 def command(tmp_path_factory: pytest.TempPathFactory) -> list[str]:
-    """That makes the one episode."""
+    """Return the command that makes the one episode."""
     folder = tmp_path_factory.mktemp("record")
     (folder / "sentences.txt").write_text(f"{SENTENCE}\n")
     arguments = ["--task", TASK, "--episodes", "1", "--instructions", str(folder / "sentences.txt")]

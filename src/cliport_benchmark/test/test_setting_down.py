@@ -31,7 +31,7 @@ def block(world: SimWorld) -> SceneObject:
 
 
 def height_after(world: SimWorld, block: SceneObject, x: float, y: float, yaw: float = 0.3) -> float:
-    """Where the block's underside is, set down at x, y from a height that does not matter."""
+    """Return the height of the block's underside, set down at x, y from a height that does not matter."""
     set_down(world, block, PlanarPose(x, y, yaw).as_pose(0.11))
     pose = world.object_pose(block)
     np.testing.assert_allclose(pose.translation[:2], (x, y), atol=1e-6)

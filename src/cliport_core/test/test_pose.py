@@ -100,3 +100,15 @@ def test_planar_pose_says_when_it_is_not_finite() -> None:
     assert PlanarPose(0.1, 0.2, 0.3).is_finite()
     for i in range(3):
         assert not PlanarPose(*(math.nan if i == j else 0.0 for j in range(3))).is_finite()
+
+
+def test_close_poses_differ_by_less_than_the_tolerance_wherever_they_are() -> None:
+    far = Pose.from_xyz_rpy((100.0, -50.0, 3.0), (0.1, 0.2, 0.3))
+    for axis in range(3):
+        shift = np.zeros(3)
+        shift[axis] = 1e-4
+        moved = Pose(far.rotation, far.translation + shift)
+        assert moved.is_close(far, tolerance=1.1e-4) and not moved.is_close(far, tolerance=0.9e-4)
+        assert not moved.is_close(far)
+    turned = Pose.from_xyz_rpy((100.0, -50.0, 3.0), (0.1, 0.2, 0.301))
+    assert turned.is_close(far, tolerance=2e-3) and not turned.is_close(far, tolerance=1e-4)

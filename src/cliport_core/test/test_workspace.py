@@ -120,3 +120,10 @@ def test_no_rounding_moves_a_point_over_the_upper_bounds(spec: WorkspaceSpec) ->
     assert not spec.contains((spec.x_max, 0.0)) and not spec.contains((spec.x_min, spec.y_max))
     assert spec.to_pixels((spec.x_max, spec.y_max)).tolist() == [spec.rows, spec.cols]
     assert spec.to_pixels((np.nextafter(spec.x_min, 0.0), np.nextafter(spec.y_min, -1.0))).tolist() == [-1, -1]
+
+
+@pytest.mark.parametrize("pixels", [1e-8, 0.4, 0.5, 1.5, 2.00001])
+def test_less_than_a_pixel_or_a_part_of_one_makes_no_grid(pixels: float) -> None:
+    with pytest.raises(WorkspaceError, match="not a whole number"):
+        WorkspaceSpec(x_min=0.0, x_max=pixels * 0.0025)
+    assert WorkspaceSpec(x_min=0.0, x_max=0.0025).cols == 1

@@ -29,7 +29,7 @@ SLAB = Box((0.50, 0.10, 0.0), (0.60, 0.25, 0.06), (30, 30, 200))
 
 
 class Scene(NamedTuple):
-    """What one camera saw: color (H, W, 3), depth (H, W) [m], and where it was."""
+    """View of one camera: color (H, W, 3), depth (H, W) [m], and where it was."""
 
     color: np.ndarray
     depth: np.ndarray

@@ -87,7 +87,7 @@ class Bench:
         self.do("place", box=self.table.box_at(*to), rotation=rotation)
 
     def begin(self, data_set: str = "blocks", instruction: str = "put the red block aside") -> None:
-        """As far as a person is before the first step."""
+        """Do what a person does before the first step."""
         self.see()
         self.do("open_data_set", name=data_set)
         self.do("instruction", text=instruction)
@@ -116,7 +116,7 @@ def bench(tmp_path: Path) -> Bench:
 
 @pytest.fixture
 def held(tmp_path: Path) -> Bench:
-    """With an arm that answers only when the test does."""
+    """A bench with an arm that answers only when the test does."""
     return Bench(tmp_path, HeldArm())
 
 

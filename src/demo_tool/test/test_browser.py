@@ -68,7 +68,7 @@ class Person:
         self.page.locator(f"#state[data-state={state}]").wait_for()
 
     def at(self, row: float, col: float) -> tuple[float, float]:
-        """Where a pixel of the picture is on the screen."""
+        """Return the place of a picture's pixel on the screen."""
         area = self.page.locator("#overlay").bounding_box()
         assert area is not None
         return area["x"] + col * area["width"] / 480, area["y"] + row * area["height"] / 270

@@ -71,7 +71,7 @@ class Workplace:
         self.wait_for("ready")
 
     def wait_for(self, state: str, timeout: float = 10.0) -> None:
-        """Until the station is in a state."""
+        """Wait until the station is in a state."""
         end = time.monotonic() + timeout
         while self.station.view(None)["state"] != state:
             assert time.monotonic() < end, self.station.view(None)["words"]

@@ -32,7 +32,7 @@ collect_ignore = (
 
 @pytest.fixture(scope="session")
 def planner() -> TransferPlanner:
-    """Its searches end by their number of checks, not by the clock: the same on a busy machine."""
+    """A planner whose searches end by their number of checks, not by the clock: the same on a busy machine."""
     config = ExecutorConfig(search=SearchConfig(time_limit=60.0), planning_time=60.0)
     planner = TransferPlanner(PandaModel(), config)
     planner.place_camera(CAMERA)
@@ -41,7 +41,7 @@ def planner() -> TransferPlanner:
 
 @pytest.fixture(scope="session")
 def model(planner: TransferPlanner) -> PandaModel:
-    """With table, camera and post around it."""
+    """The planner's model, with table, camera and post around it."""
     return planner.model
 
 

@@ -56,7 +56,7 @@ class Bench:
 
     @property
     def commands(self) -> tuple[int, int]:
-        """How many trajectories and finger motions were sent."""
+        """Number of trajectories and finger motions that were sent."""
         return len(self.arm.sent), len(self.gripper.moves)
 
     def entered(self) -> list[Phase]:

@@ -20,7 +20,7 @@ _TOLERANCE = 1.005  # the validation before sending allows 1.02
 
 
 def random_path(random: np.random.Generator) -> np.ndarray:
-    """Of 2 to 12 points: long and short steps, sharp corners, points that repeat."""
+    """Return a path of 2 to 12 points: long and short steps, sharp corners, points that repeat."""
     inner = PANDA_LIMITS.shrunk(0.4)
     count = int(random.integers(2, 13))
     scale = float(random.choice([0.02, 0.1, 0.5]))

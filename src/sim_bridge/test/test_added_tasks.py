@@ -21,7 +21,7 @@ def forget() -> Iterator[None]:
 
 
 def install(monkeypatch: pytest.MonkeyPatch, *entries: tuple[str, str]) -> None:
-    """As if packages with these entry points were installed."""
+    """Pretend that packages with these entry points are installed."""
     made = [EntryPoint(name, value, GROUP) for name, value in entries]
     monkeypatch.setattr(registry, "entry_points", lambda group: made if group == GROUP else [])
 

@@ -29,7 +29,7 @@ def test_every_task_offers_something_to_an_agent_without_words(world: SimWorld, 
 
 
 def picks(world: SimWorld, task: GoalTask, draws: int) -> set[str]:
-    """What is picked first, over many draws."""
+    """Count the first picks over many draws."""
     chooser = BlindChooser(task, world, np.random.default_rng(0))
     actions = [chooser.action() for _ in range(draws)]
     return {task.judge(action.pick, action.place).picked for action in actions if action is not None}

@@ -46,7 +46,7 @@ def rig():
 
 
 def sweep(shift, seconds):
-    """From the ready pose by `shift` (7,) [rad], a quintic from rest to rest."""
+    """Return a quintic from rest to rest, from the ready pose by `shift` (7,) [rad]."""
     start = ROBOT.ready
     zeros = np.zeros((2, 7))
     names = JointTrajectoryController().config.joint_names

@@ -85,7 +85,7 @@ class ByHand:
         return 1.0 / (self.rule.goals or self.task.max_steps - 1)
 
     def reward(self) -> float:
-        """What the environment would return for an action: the difference of two running scores."""
+        """Return the environment's reward for an action: the difference of two running scores."""
         if not self.goals:
             return 0.0
         goal, before = self.goals[0], self.running

@@ -32,7 +32,7 @@ def parts(task: Task) -> tuple[SceneObject, SceneObject, list[SceneObject]]:
 
 
 def put(world: SimWorld, thing: SceneObject, box: SceneObject, off: tuple[float, float]) -> None:
-    """Its middle at `off` [m] in the container's frame."""
+    """Put a thing's middle at `off` [m] in the container's frame."""
     at = world.object_pose(box) @ Pose.from_xyz_rpy((*off, -0.01), (0.0, 0.0, 0.4))
     world.move_object(thing, at)
 

@@ -23,7 +23,7 @@ def world() -> Iterator[SimWorld]:
 
 
 def put(world: SimWorld, task: SeparatingPiles, inside: int, x: float = 0.0) -> None:
-    """That many blocks into the zone, x [m] from its middle; the others far outside."""
+    """Put so many blocks into the zone, x [m] from its middle, and the others far outside."""
     goal = task.goals[0]
     for i, block in enumerate(goal.objects):
         at = Pose.from_xyz_rpy((x if i < inside else 0.3, 0.0, 0.005), (0.0, 0.0, 0.0))

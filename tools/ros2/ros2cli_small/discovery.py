@@ -1,4 +1,4 @@
-"""When a node that has just come sees the whole graph: there is no daemon that would have known it all along.
+"""Discovery of the whole graph by a node that has just come: there is no daemon that would have known it all along.
 
 Quiet alone does not tell: a participant of DDS may first answer with its next announcement, 3 s later. Those of this
 machine can be counted without discovery, though: each has a UDP port whose number follows from the domain.
@@ -28,7 +28,7 @@ _PORT_TABLES = (Path("/proc/net/udp"), Path("/proc/net/udp6"))
 
 @dataclass(frozen=True)
 class GraphState:
-    """What is seen of the graph at one time. `nameless` counts endpoints whose node is not known yet."""
+    """The visible graph at one time. `nameless` counts endpoints whose node is not known yet."""
 
     participants: int
     nameless: int

@@ -2,4 +2,4 @@
 
 
 class CommandError(Exception):
-    """What was asked for cannot be done; the text is the whole message."""
+    """A request that cannot be fulfilled; the text is the whole message."""

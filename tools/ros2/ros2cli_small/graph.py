@@ -89,7 +89,7 @@ def topic_types(node: Node, topic: str) -> list[str]:
 
 
 def is_hidden(topic: str) -> bool:
-    """Whether a part of the name starts with an underscore, as the topics of actions do."""
+    """Return True if a part of the name starts with an underscore, as the topics of actions do."""
     return any(part.startswith("_") for part in topic.split("/"))
 
 

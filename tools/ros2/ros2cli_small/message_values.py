@@ -16,7 +16,7 @@ NOT_A_DICTIONARY = "The passed value needs to be a dictionary in YAML format"
 
 @dataclass(frozen=True)
 class Shortening:
-    """How long values are printed. `length` None prints everything."""
+    """Limits to the length of printed values. `length` None prints everything."""
 
     length: int | None = 128
     no_arrays: bool = False

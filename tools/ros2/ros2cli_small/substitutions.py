@@ -16,7 +16,7 @@ FALSE = ("false", "0")
 
 @dataclass(frozen=True)
 class Scope:
-    """What substitutions read: the launch configurations (arguments and lets) and the file they stand in."""
+    """Values that substitutions read: the launch configurations (arguments and lets) and the file they stand in."""
 
     configurations: Mapping[str, str]
     file: Path

@@ -26,7 +26,7 @@ PRINT_PERIOD = 1.0  # s
 
 @dataclass(frozen=True)
 class Rate:
-    """What is known of the gaps between messages, in seconds."""
+    """Statistics of the gaps between messages, in seconds."""
 
     mean: float
     shortest: float

@@ -1,4 +1,4 @@
-"""What a bag from elsewhere may ask for: caps on what it declares, checked before anything is decompressed.
+"""Caps on what a bag from elsewhere may declare, checked before anything is decompressed.
 
 18 kB of compressed zeros can declare gigabytes, and some hundred bytes of YAML aliases expand to hundreds of megabytes.
 """

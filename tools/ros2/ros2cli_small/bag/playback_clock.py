@@ -31,7 +31,7 @@ class PlaybackClock:
 
     @property
     def paused(self) -> bool:
-        """Whether the time stands still."""
+        """True if the time stands still."""
         return self._paused
 
     def jump(self, bag_time: int) -> None:

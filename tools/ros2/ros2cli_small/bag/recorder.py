@@ -29,14 +29,14 @@ DEPTH = 100  # messages that may wait while the disk is busy
 
 @dataclass(frozen=True)
 class Selection:
-    """Which topics are recorded."""
+    """Choice of the topics that are recorded."""
 
     names: frozenset[str]
     all: bool = False
     regex: re.Pattern[str] | None = None
 
     def wants(self, topic: str) -> bool:
-        """Whether a topic is recorded; hidden ones only when they are named."""
+        """Return True if a topic is recorded; hidden ones only when they are named."""
         chosen = self.all or (self.regex is not None and self.regex.search(topic) is not None)
         return topic in self.names or (chosen and not is_hidden(topic))
 

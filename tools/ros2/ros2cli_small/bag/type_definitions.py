@@ -1,4 +1,4 @@
-"""What a bag says about its message types, so that it can be read where they are not installed."""
+"""Definitions of a bag's message types, so that it can be read where they are not installed."""
 
 from __future__ import annotations
 

@@ -24,7 +24,7 @@ INFORMATION = "rosbag2_bagfile_information"
 
 @dataclass(frozen=True)
 class SplitLimits:
-    """When the next file begins; 0 is never. `size` in bytes, `duration` in nanoseconds."""
+    """Limits at which the next file begins; 0 is never. `size` in bytes, `duration` in nanoseconds."""
 
     size: int = 0
     duration: int = 0
