@@ -20,8 +20,10 @@ from cliport_episodes.bags import read_messages
 from cliport_episodes.capture_setup import CaptureSetup
 from cliport_episodes.data_set import DataSet
 from cliport_episodes.demonstration import StepRecord
+from cliport_episodes.episode_folder import FolderLock
 from cliport_episodes.errors import (
     DataSetError,
+    DiskError,
     DiskFullError,
     EpisodeBusyError,
     EpisodeError,
@@ -262,3 +264,21 @@ def test_the_only_step_comes_back(writer: EpisodeWriter, scene: Scene, record: S
     assert writer.n_steps == 0
     writer.restore_step()
     assert writer.n_steps == 1
+
+
+def test_a_disk_that_refuses_leaves_neither_a_folder_nor_a_lock(
+    data_set: DataSet, setup: CaptureSetup, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    released: list[FolderLock] = []
+    release = FolderLock.release
+
+    def refuse(writer: EpisodeWriter, edits: object) -> None:
+        raise OSError("no space left on device")
+
+    with monkeypatch.context() as patched:
+        patched.setattr(EpisodeWriter, "_save", refuse)
+        patched.setattr(FolderLock, "release", lambda lock: (released.append(lock), release(lock))[1])
+        with pytest.raises(DiskError, match="no space left"):
+            EpisodeWriter.create(data_set.path, setup, "mine")
+    assert len(released) == 1
+    EpisodeWriter.create(data_set.path, setup, "mine").close()
