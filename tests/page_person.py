@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import argparse
 import base64
-import itertools
 import math
 import os
 import shutil
@@ -52,7 +51,7 @@ expect.set_options(timeout=20_000)
 SUCCEEDED = 0
 DATA_SET = "by-hand"
 _TRIES = 8  # of a click that the page refuses
-_ATTEMPTS = 4  # of a step that the arm does not carry through
+_ATTEMPTS = 8  # of a step that the arm does not carry through
 _REFUSAL = "#answer[data-ok=false]"  # its words may stand elsewhere on the page
 
 
@@ -122,10 +121,12 @@ class Person:
         button = self.page.locator(f"#primitive [data-primitive={primitive}]")
         button.click()
         expect(button).to_have_attribute("aria-pressed", "true")
-        for _ in range(_ATTEMPTS):
+        for attempt in range(_ATTEMPTS):
             picture = self.picture()
-            start, end = eyes.sweep(picture) if primitive == "sweep" else eyes.fold(picture)
-            self.step(start, end, picture.shape, margins=(0, 0))
+            start, end = eyes.sweep(picture) if primitive == "sweep" else eyes.fold(picture, attempt)
+            if not self.draw_and_preview(start, end, picture.shape, margins=(0, 0)):
+                continue
+            self.act()
             said = self.page.locator("#steps li").last.text_content() or ""
             if said.endswith("succeeded"):
                 return
@@ -133,11 +134,18 @@ class Person:
 
     def step(self, start: Blob, end: Blob, shape: tuple[int, ...], margins: tuple[float, float]) -> None:
         """Draw both boxes, turn the fingers until the arm can do it, and let it."""
-        before = self.steps()
+        assert self.draw_and_preview(start, end, shape, margins), self.page.locator("#answer").text_content()
+        self.act()
+
+    def draw_and_preview(self, start: Blob, end: Blob, shape: tuple[int, ...], margins: tuple[float, float]) -> bool:
+        """Draw both boxes, turn the fingers along either side of the thing; whether the arm can do it."""
         self._until(lambda: self.draws("pick", start, shape, margins[0]))
         self._until(lambda: self.draws("place", end, shape, margins[1]))
-        turns = itertools.cycle((0.0, math.pi / 2))  # along either side of the thing
-        self._until(lambda: self.can(start, shape, start.angle + next(turns)))
+        return any(self.can(start, shape, start.angle + turn) for turn in 2 * (0.0, math.pi / 2))
+
+    def act(self) -> None:
+        """Let the arm do what was drawn, to its end."""
+        before = self.steps()
         self.remember("previewed")
         self._until(self.executes)
         if self.album:

@@ -26,7 +26,9 @@ def test_a_second_participant_listens_where_the_first_hears_nothing(own_domain, 
     sent = 0
     with command_node() as node:
         publisher = node.create_publisher(String, "/words", 10)
-        listener = Listener(node, String, "/words", lambda message: heard.append(message.data), qos_profile_system_default)
+        listener = Listener(
+            node, String, "/words", lambda message: heard.append(message.data), qos_profile_system_default
+        )
 
         def enough() -> bool:
             nonlocal sent
