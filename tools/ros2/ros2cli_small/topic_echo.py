@@ -11,10 +11,10 @@ from ros2cli_small.graph import (
     command_node,
     full_name,
     load_type,
+    spin_until,
     wait_for_topic_type,
     wait_until_found,
 )
-from ros2cli_small.listening import Listener
 from ros2cli_small.message_values import Shortening, to_csv, to_yaml
 from ros2cli_small.qos import add_qos_arguments, subscriber_profile
 
@@ -85,8 +85,8 @@ def main(args: argparse.Namespace) -> int:
             print(f"WARNING: topic [{topic}] does not appear to be published yet")
             raise CommandError("Could not determine the type for the passed topic")
         message_class = load_type(kind, "message")
-        listener = Listener(node, message_class, topic, show, subscriber_profile(node, topic, args))
-        listener.spin_until(lambda: failure is not None or (args.once and printed > 0))
+        node.create_subscription(message_class, topic, show, subscriber_profile(node, topic, args))
+        spin_until(node, lambda: failure is not None or (args.once and printed > 0))
     if failure is not None:
         raise failure
     return 0

@@ -19,7 +19,6 @@ from ros2cli_small.graph import (
     topic_types,
     wait_for_topic_type,
 )
-from ros2cli_small.listening import Listener
 
 DEFAULT_WINDOW = 10000
 PRINT_PERIOD = 1.0  # s
@@ -112,8 +111,7 @@ def main(args: argparse.Namespace) -> int:
         clock: Callable[[], float] = time.time
         if args.use_sim_time and not args.wall_time:
             clock = lambda: node.get_clock().now().nanoseconds * 1e-9  # noqa: E731
-        listener = Listener(
-            node,
+        node.create_subscription(
             load_type(str(kind), "message"),
             topic,
             lambda _message: meter.message_at(clock()),
@@ -127,5 +125,5 @@ def main(args: argparse.Namespace) -> int:
                 print(rate, flush=True)
             return False
 
-        listener.spin_until(report)
+        spin_until(node, report)
     return 0
