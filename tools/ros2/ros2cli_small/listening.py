@@ -32,9 +32,7 @@ class Listener:
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._node, self._topic, self._callback, self._clock = node, topic, callback, clock
-        self._subscribe_in = lambda where, hear: where.create_subscription(
-            message_class, topic, hear, profile, raw=raw
-        )
+        self._subscribe_in = lambda where, hear: where.create_subscription(message_class, topic, hear, profile, raw=raw)
         self._second: Node | None = None
         self._heard: Node | None = None
         self._silent_since: float | None = None
