@@ -1,4 +1,4 @@
-"""What the command lines of all packages share: `--version`."""
+"""Common options of all packages' command lines: `--version`."""
 
 from __future__ import annotations
 
