@@ -13,6 +13,7 @@ from coverage import CoverageData
 
 PYTEST = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider"]
 TIMEOUT = (30.0, 4.0)  # of a mutant's tests: seconds, and times what they took without one
+DEFINITIONS = "/test_values.py"  # tests that look at what modules define, without running a line of it
 DURATION = re.compile(r"^ *([\d.]+)s (?:call|setup|teardown) +(.+)$", re.MULTILINE)
 
 
@@ -47,7 +48,7 @@ class Tests:
         """The quickest tests for a place, as many as take `budget` [s], at least one; and how long they may take [s].
 
         Those that run one of the lines; where none does (it runs once, on import, or in a process of its own),
-        those that run anything of the module; and where there is none either, those that start processes.
+        those that run anything of the module, else those that start processes, and those that look at definitions.
         """
         by_line = self._reach.contexts_by_lineno(str(Path(spec.module_path).resolve()))
         lines = range(spec.start_pos[0], spec.end_pos[0] + 1)
@@ -56,6 +57,8 @@ class Tests:
         names = {context.rsplit("|", 1)[0] for context in here or anywhere}
         if not names:
             names = {name for name in self.seconds if name.split("::")[0] in self._starts_processes}
+        if not here:
+            names |= {name for name in self.seconds if name.split("::")[0].endswith(DEFINITIONS)}
         chosen: list[str] = []
         spent = 0.0
         for name in sorted(names - self.failing, key=lambda name: (self.seconds.get(name, 0.0), name)):
