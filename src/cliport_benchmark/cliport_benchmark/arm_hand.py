@@ -68,7 +68,7 @@ class ArmHand:
             ActionGoal(action),
             self._observer.cloud(frame),
             self._observer.workspace,
-            self._rest_behind if drags else _ignore,
+            self._let_released_sleep if drags else _ignore,
             _never,
         )
         away = np.abs(self._world.panda.state().positions - ROBOT.ready).max()
@@ -82,7 +82,7 @@ class ArmHand:
             self._world.settle()
         return result
 
-    def _rest_behind(self, phase: Phase, progress: float) -> None:
+    def _let_released_sleep(self, phase: Phase, progress: float) -> None:
         """Let things that were swept or laid down sleep, so that they cost nothing while the arm goes away."""
         if phase is Phase.RETREAT:
             sleep_where_still(self._world)

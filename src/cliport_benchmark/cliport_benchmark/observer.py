@@ -43,7 +43,9 @@ class Observer:
         window = None
         if not whole_image:
             border = _border(nominal, self._variation)
-            window = ImageWindow.that_sees(nominal.intrinsics, nominal.camera_in_base, sim.workspace, border=border)
+            window = ImageWindow.around_workspace(
+                nominal.intrinsics, nominal.camera_in_base, sim.workspace, border=border
+            )
         self.camera = SimCamera(
             CameraConfig(nominal.intrinsics, nominal.camera_in_base, window=window, n_threads=n_threads)
         )

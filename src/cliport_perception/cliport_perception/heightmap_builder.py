@@ -46,7 +46,7 @@ class HeightmapBuilder:
         self.workspace = workspace
         self.max_depth_step = float(max_depth_step)
         rays = camera.rays() @ camera_in_base.rotation.T.astype(np.float32)  # (H, W, 3), base frame
-        self._roi = _region_that_sees(rays, camera_in_base, workspace)
+        self._roi = _region_of_interest(rays, camera_in_base, workspace)
         roi_rays = np.ascontiguousarray(np.moveaxis(rays[self._roi], -1, 0))  # (3, h, w)
         self._splits = _splits_per_pixel(roi_rays, camera_in_base, workspace)
         # grid coordinates are (cell column, cell row, height step): one multiply and one add per pixel
@@ -188,7 +188,7 @@ def _blend(first: FloatImage, second: FloatImage, share: float) -> FloatImage:
     return result
 
 
-def _region_that_sees(
+def _region_of_interest(
     rays: npt.NDArray[np.float32], camera_in_base: Pose, workspace: WorkspaceSpec
 ) -> tuple[slice, slice]:
     """Return the image rows and columns whose rays (H, W, 3) meet the workspace's volume (slab test)."""

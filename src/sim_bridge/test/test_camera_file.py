@@ -58,10 +58,10 @@ def test_the_window_of_a_lens_that_distorts_holds_what_sees_the_workspace() -> N
     straight = CameraModel(960, 540, 540.0, 540.0, 480.0, 270.0)
     bent = CameraModel(960, 540, 540.0, 540.0, 480.0, 270.0, "plumb_bob", (-0.1, 0.02, 0.0, 0.0, 0.0))
     barely = CameraModel(960, 540, 540.0, 540.0, 480.0, 270.0, "plumb_bob", (1e-9, 0.0, 0.0, 0.0, 0.0))
-    wanted, found = (ImageWindow.that_sees(lens, pose, spec) for lens in (straight, barely))
+    wanted, found = (ImageWindow.around_workspace(lens, pose, spec) for lens in (straight, barely))
     bounds = [(w.row_start, w.row_end, w.col_start, w.col_end) for w in (wanted, found)]
     assert np.abs(np.subtract(*bounds)).max() <= 2
-    window = ImageWindow.that_sees(bent, pose, spec)
+    window = ImageWindow.around_workspace(bent, pose, spec)
     x, y = np.meshgrid(np.linspace(spec.x_min, spec.x_max, 9), np.linspace(spec.y_min, spec.y_max, 9))
     points = np.stack([x, y, np.zeros_like(x)], axis=-1).reshape(-1, 3)
     row, col = bent.project(pose.inverse().apply(points)).T

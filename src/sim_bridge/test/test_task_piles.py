@@ -8,7 +8,7 @@ import pytest
 from cliport_core import PlanarPose, Pose, Primitive
 from sim_bridge.colors import SEEN_PALETTE, UNSEEN_PALETTE
 from sim_bridge.scene import reset_scene
-from sim_bridge.task_mechanics.sweeping import next_sweep, on_the_way
+from sim_bridge.task_mechanics.sweeping import met_by_sweep, next_sweep
 from sim_bridge.tasks.separating_piles import N_BLOCKS, SeparatingPiles
 from sim_bridge.world import SimWorld
 
@@ -97,6 +97,6 @@ def test_a_block_just_outside_is_pushed_in_and_no_farther(world: SimWorld) -> No
     assert sweep is not None
     start, end = sweep
     assert start.y < things[1, 1] < end.y + 0.014 < 0.075  # the hand's front stops soon after the edge
-    assert on_the_way(things, start, end).tolist() == [False, True, False]
-    assert on_the_way(things, start, start).tolist() == [False] * 3
+    assert met_by_sweep(things, start, end).tolist() == [False, True, False]
+    assert met_by_sweep(things, start, start).tolist() == [False] * 3
     assert next_sweep(things[:1], zone, 0.12, spec) is None

@@ -30,7 +30,8 @@ def outline_pinches(outline: Outline) -> tuple[Pinch, ...]:
     centroid = outline.centroid
     points = _points_along(outline.corners) - centroid
     yaws = np.arange(_N_ANGLES) * (math.pi / _N_ANGLES)
-    ends = np.array([_ends(points, yaw, HAND.finger_width) for yaw in yaws])  # (angles, 2) along the closing direction
+    # (angles, 2) along the closing direction
+    ends = np.array([_contacts(points, yaw, HAND.finger_width) for yaw in yaws])
     widths = np.ptp(ends, axis=1)
     beside = [np.roll(widths, shift) for shift in range(-_NEIGHBOURS, _NEIGHBOURS + 1)]
     good = widths <= np.min(beside, axis=0) + _WIDTH_TOLERANCE
@@ -47,7 +48,9 @@ def outline_pinches(outline: Outline) -> tuple[Pinch, ...]:
 
 def _slope(points: FloatArray, yaw: float) -> float:
     """Return how much farther out jaws meet a side when they are wider than when they are narrower [m]."""
-    wide, narrow = (_ends(points, yaw, HAND.finger_width + margin) for margin in (2 * _JAW_MARGIN, -2 * _JAW_MARGIN))
+    wide, narrow = (
+        _contacts(points, yaw, HAND.finger_width + margin) for margin in (2 * _JAW_MARGIN, -2 * _JAW_MARGIN)
+    )
     return max(narrow[0] - wide[0], wide[1] - narrow[1])
 
 
@@ -60,7 +63,7 @@ def _points_along(ring: FloatArray) -> FloatArray:
     return np.concatenate(pieces)
 
 
-def _ends(points: FloatArray, yaw: float, jaw: float) -> tuple[float, float]:
+def _contacts(points: FloatArray, yaw: float, jaw: float) -> tuple[float, float]:
     """Return the places along `yaw` at which jaws `jaw` wide that close about the origin meet points (N, 2) [m]."""
     c, s = math.cos(yaw), math.sin(yaw)
     along = points @ (c, s)

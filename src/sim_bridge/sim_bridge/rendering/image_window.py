@@ -32,7 +32,7 @@ class ImageWindow:
         return cls(0, camera.height, 0, camera.width)
 
     @classmethod
-    def that_sees(
+    def around_workspace(
         cls,
         camera: CameraModel,
         camera_in_base: Pose,

@@ -58,9 +58,9 @@ class BlindChooser:
         things = [thing for thing in self._task.objects if not thing.fixed and not self._is_covered(thing)]
         moves = []
         for thing in things:
-            offered = [move for goal in goals for move in _offered(goal, goals, thing)]
+            offered = [move for goal in goals for move in _offered_moves(goal, goals, thing)]
             open_moves = [move for move in offered if not self._is_there(thing, move)]
-            if len(open_moves) == len(offered) or _is_asked_twice(thing, goals):
+            if len(open_moves) == len(offered) or _serves_several_goals(thing, goals):
                 moves += [move for move in open_moves if self._is_free(thing, move)]
         return moves
 
@@ -103,7 +103,7 @@ class BlindChooser:
         return bool(target[2] > low + _LEVEL_TOLERANCE)
 
 
-def _is_asked_twice(thing: SceneObject, goals: Sequence[Goal]) -> bool:
+def _serves_several_goals(thing: SceneObject, goals: Sequence[Goal]) -> bool:
     """Return True if a thing goes from target to target, as a ring of the tower does."""
     return sum(thing in goal.objects for goal in goals) > 1
 
@@ -114,7 +114,7 @@ def _level_tolerance(move: Goal) -> float:
     return max(_LEVEL_TOLERANCE, move.metric.position) if isinstance(move.metric, PoseMetric) else _LEVEL_TOLERANCE
 
 
-def _offered(goal: Goal, goals: Sequence[Goal], thing: SceneObject) -> list[Goal]:
+def _offered_moves(goal: Goal, goals: Sequence[Goal], thing: SceneObject) -> list[Goal]:
     """Return a goal's targets for a thing as moves: its own targets as matches allow; for a thing that no goal asks
     for, the targets of those that look like it; a container takes any other thing too."""
     zone = isinstance(goal.metric, ZoneMetric)

@@ -60,10 +60,10 @@ def drop(
         except LayoutError:
             continue
         lying.append(_DroppedObject(world.add(shape, _pose(shape, at, attitude)), attitude, at, pinches))
-    return [one.thing for one in lying if _made_reachable(world, one, rng)]
+    return [one.thing for one in lying if _move_within_reach(world, one, rng)]
 
 
-def _made_reachable(world: SimWorld, lying: _DroppedObject, rng: np.random.Generator) -> bool:
+def _move_within_reach(world: SimWorld, lying: _DroppedObject, rng: np.random.Generator) -> bool:
     """Move a thing to a place with clearance for the palm and return True;
     where there is none, remove it and return False."""
     for _ in range(_MAX_PLACES):

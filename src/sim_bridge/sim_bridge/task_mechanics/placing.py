@@ -114,7 +114,7 @@ def place_in_container(world: SimWorld, container: Pose, size: tuple[float, floa
     x, y = (cols - 0.5) * _CELL - size[0] / 2, (rows - 0.5) * _CELL - size[1] / 2
     corners = _box(world, thing)
     yaw = PlanarPose.from_pose(container).yaw
-    clear = np.stack([_least(clearance, _turned(corners, turn - yaw)) for turn in _TURNS])
+    clear = np.stack([_least_clearance(clearance, _turned(corners, turn - yaw)) for turn in _TURNS])
     cost = np.hypot(x, y) + _DISTANCE_PER_RADIAN * np.abs(_TURNS)[:, None, None]
     best = int(np.argmax(clear))
     for gap in _CONTAINER_GAPS:
@@ -190,7 +190,7 @@ def _clearance_in(container: Pose, size: tuple[float, float], world: SimWorld, t
     return np.asarray(distance, dtype=np.float64) * _CELL
 
 
-def _least(clearance: FloatArray, points: FloatArray) -> FloatArray:
+def _least_clearance(clearance: FloatArray, points: FloatArray) -> FloatArray:
     """Return (rows, cols) the least clearance at any of the points (N, 2) [m] about each cell."""
     rows, cols = np.indices(clearance.shape)
     least = clearance.copy()

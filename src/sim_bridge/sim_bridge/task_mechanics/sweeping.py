@@ -57,7 +57,7 @@ def next_sweep(
     return PlanarPose(float(start[0]), float(start[1]), yaw), PlanarPose(float(end[0]), float(end[1]), yaw)
 
 
-def on_the_way(things: FloatArray, start: PlanarPose, end: PlanarPose) -> BoolArray:
+def met_by_sweep(things: FloatArray, start: PlanarPose, end: PlanarPose) -> BoolArray:
     """Return (N,) which things (N, 2) [m] the hand meets from start to end."""
     sweep = _Sweeps.between(np.array([[start.x, start.y]]), np.array([[[end.x, end.y]]]), shifts=(0.0,))
     along, across = sweep.local(things)

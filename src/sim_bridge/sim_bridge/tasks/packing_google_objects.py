@@ -116,7 +116,7 @@ class PackingGoogleObjectsSeq(PackingGoogleObjects):
     ) -> Sequence[Goal]:
         """Drop objects of different names and return a goal for each of the first ones."""
         names = [self.names[i] for i in rng.permutation(len(self.names))[: len(packing.cells)]]
-        things = _dropped(world, names, packing, rng)
+        things = _drop_objects(world, names, packing, rng)
         if len(things) < 2:
             raise LayoutError(
                 f"free places for {len(things)} of {len(names)} objects: two are needed; use a larger workspace"
@@ -139,14 +139,16 @@ class PackingGoogleObjectsGroup(PackingGoogleObjects):
         names = [self.names[i] for i in rng.integers(len(self.names), size=len(packing.cells))]
         wanted, other = (names[i] for i in rng.choice(len(names), size=2, replace=False))
         names[:4] = [wanted, wanted, other, other]
-        things = _dropped(world, names, packing, rng)
+        things = _drop_objects(world, names, packing, rng)
         targets = [thing for thing in things if thing.name == wanted]
         if len(targets) < 2 or len(things) < 3:
             raise LayoutError(f"free places for {len(targets)} of two objects to pack; use a larger workspace")
         return (_goal(world, f"pack all the {wanted} objects in the brown box", targets, container, packing, 1.0),)
 
 
-def _dropped(world: SimWorld, names: Sequence[str], packing: Packing, rng: np.random.Generator) -> list[SceneObject]:
+def _drop_objects(
+    world: SimWorld, names: Sequence[str], packing: Packing, rng: np.random.Generator
+) -> list[SceneObject]:
     """Drop one object for each cell, sized by that; those without a free place are left out."""
     source = object_set()
     edges = [max(cell.width, cell.depth) for cell in packing.cells]

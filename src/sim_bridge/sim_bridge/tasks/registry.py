@@ -136,7 +136,7 @@ def make_task(name: str, split: str, instruction: str = "") -> Task:
     if full_name in TASKS:
         task = TASKS[full_name](full_name, split_of(split))
     elif full_name in added_tasks():
-        task = _made_by(added_tasks()[full_name], split_of(split))
+        task = _load_added(added_tasks()[full_name], split_of(split))
     else:
         raise UnknownNameError("task", name, [*TASKS, *added_tasks(), *ALIASES])
     if instruction.strip():
@@ -167,7 +167,7 @@ def is_known(name: str) -> bool:
     return name in TASKS or name in added_tasks()
 
 
-def _made_by(entry: EntryPoint, split: Split) -> Task:
+def _load_added(entry: EntryPoint, split: Split) -> Task:
     """Load another package's task and make it."""
     try:
         task = entry.load()(entry.name, split)

@@ -20,7 +20,7 @@ from sim_bridge.sleeping import let_sleep
 from sim_bridge.task_mechanics.goal import Goal, ZoneMetric, lattice
 from sim_bridge.task_mechanics.goal_task import GoalTask
 from sim_bridge.task_mechanics.placing import free_pose
-from sim_bridge.task_mechanics.sweeping import next_sweep, on_the_way
+from sim_bridge.task_mechanics.sweeping import met_by_sweep, next_sweep
 from sim_bridge.task_mechanics.task import JudgedAction, Split
 from sim_bridge.tasks.variants import Variant
 from sim_bridge.world import SimWorld
@@ -63,7 +63,7 @@ class _PileTask(GoalTask):
         if goal is None:
             return JudgedAction("", name, False, False)
         blocks = self._block_xy(goal)
-        swept = np.flatnonzero(on_the_way(blocks, pick, place))
+        swept = np.flatnonzero(met_by_sweep(blocks, pick, place))
         outside = any(not goal.allows(goal.objects[i], *blocks[i]) for i in swept)
         picked = goal.objects[0].described if len(swept) else ""
         return JudgedAction(picked, name, outside, _contains(goal.targets[0], place, _edge(goal)))
