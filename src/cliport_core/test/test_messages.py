@@ -202,3 +202,14 @@ def test_heightmap() -> None:
     message.height.encoding = "16UC1"
     with pytest.raises(ImageError, match="heightmap height must be"):
         c.heightmap_from_msg(message)
+
+
+def test_numbers_are_those_of_the_interfaces() -> None:
+    for names, kind, prefix in (
+        (PolicyState, PolicyStatus, "STATE"),
+        (Outcome, PickPlace.Result, "OUTCOME"),
+        (Primitive, PickPlace.Goal, "PRIMITIVE"),
+    ):
+        assert [each.value for each in names] == [getattr(kind, f"{prefix}_{each.name}") for each in names]
+        stated = [name for name in dir(type(kind)) + dir(kind) if name.startswith(f"{prefix}_")]
+        assert len(set(stated)) == len(names)

@@ -112,6 +112,7 @@ def test_an_unknown_preset_names_the_known() -> None:
     ("where", "value", "words"),
     [
         ("ready", [0.0] * 6, "ready must be 7 numbers"),
+        ("ready", [0.0] * 8, "ready must be 7 numbers"),
         ("limits.velocity", [1.0] * 6 + [float("nan")], "velocity must be 7 numbers"),
         ("limits.jerk", None, "limits: keys missing jerk"),
         ("colour", "white", "keys unknown colour"),
@@ -119,6 +120,7 @@ def test_an_unknown_preset_names_the_known() -> None:
         ("frames", "panda", "frames must be a mapping of base, flange, hand, tcp"),
         ("gripper_reports_full_width", "yes", "must be true or false, got 'yes'"),
         ("hand", "robotiq", "unknown hand 'robotiq'; known are franka_hand"),
+        ("hand.opening", 0.0, "opening must be a positive number, got 0.0"),
         ("hand.opening", -0.08, "opening must be a positive number, got -0.08"),
         ("hand.pad_length", True, "pad_length must be a positive number, got True"),
     ],
