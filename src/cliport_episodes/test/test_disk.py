@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from cliport_episodes import disk
-from cliport_episodes.errors import SetupDiffersError
+from cliport_episodes.errors import DiskError, SetupDiffersError
 
 
 def test_a_copied_folder_is_on_the_disk_before_it_has_its_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -46,3 +46,27 @@ def test_another_setup_is_named_with_its_differences() -> None:
     assert str(error) == (
         "data set 'mine' was recorded with another setup: fx is 60, not 61; height is 48, not 96. Begin a new data set"
     )
+
+
+def test_files_that_cannot_be_linked_are_copied_and_on_the_disk(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    source = tmp_path / "source"
+    source.mkdir()
+    (source / "a").write_text("a")
+    synced: list[str] = []
+
+    def refuse(old: Path, new: Path) -> None:
+        raise OSError("links are not supported here")
+
+    monkeypatch.setattr(disk.os, "link", refuse)
+    monkeypatch.setattr(disk, "sync", lambda path: synced.append(path.name))
+    disk.copy_folder(source, tmp_path / "target")
+    assert (tmp_path / "target" / "a").read_text() == "a"
+    assert synced[0] == "a" and len(synced) == 3
+
+
+def test_a_disks_error_carries_the_path() -> None:
+    error = DiskError(Path("/data/a"), "no space left", "Free some.")
+    assert error.path == Path("/data/a")
+    assert str(error) == "cannot write '/data/a': no space left. What was saved before is whole. Free some."

@@ -67,6 +67,10 @@ def test_squares_are_shaded_by_their_counts(record: StepRecord, texts: list[Text
     """Seen from behind the robot: +y to the left, +x up; a square of 10 cm is 55 pixels wide."""
     statistics_picture.draw_statistics(statistics_of(record, (0.26, 0.39), (0.64, -0.39)), tmp_path / "s.png")
     picture = read(tmp_path / "s.png")
+    assert [text for text in texts if text[3] == 14] == [
+        ("3", 84 + 165 + 18, 30 + 5, 14),
+        ("3", 84 + 18, 530 + 385 + 5, 14),
+    ]
     pick, place = picture[84 + 220 - 20, 30 + 20], picture[84 + 20, 530 + 440 - 20]
     for seen, color in ((pick, PICK_COLOR), (place, PLACE_COLOR)):
         np.testing.assert_allclose(seen, [255 - 0.75 * (255 - c) for c in color], atol=1)
@@ -105,3 +109,20 @@ def test_a_sheet_says_how_the_episode_was_marked(
     captions = [(text, row, col) for text, row, col, size in texts if size == 16]
     assert captions[0] == (f"0  {episode.steps[0].record.instruction}", 20, 4)
     assert captions[-1] == ("after the last step", 20, 4)
+
+
+def test_a_bar_along_the_yaw_reaches_as_far_to_either_side(
+    data_set: DataSet, add_episode: Callable[..., str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The camera of these tests sees the table nearly without foreshortening along the image's rows."""
+    lines: list[tuple[tuple[int, int], tuple[int, int]]] = []
+    middles: list[tuple[int, int]] = []
+    monkeypatch.setattr(contact_sheet.cv2, "line", lambda picture, start, end, *_: lines.append((start, end)))
+    monkeypatch.setattr(contact_sheet.cv2, "circle", lambda picture, middle, *_: middles.append(middle))
+    episode = data_set.episode(add_episode(data_set.path, 1))
+    contact_sheet.draw_contact_sheet(episode, tmp_path / "sheet.png")
+    assert len(lines) == len(middles) == 4  # pick and place, each white and then in its colour
+    for (start, end), middle in zip(lines, middles, strict=True):
+        before, after = np.subtract(middle, start), np.subtract(end, middle)
+        assert np.linalg.norm(before) > 10
+        assert 0.7 < np.linalg.norm(before) / np.linalg.norm(after) < 1.4
