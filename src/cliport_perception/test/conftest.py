@@ -16,8 +16,10 @@ from cliport_perception.calibration.proposals import candidate_poses, in_view, n
 from cliport_perception.calibration.sample import Sample
 from cliport_perception.calibration.view import fit_view
 
-# the logic is tested without any build; these two need the built messages
-collect_ignore = [] if find_spec("cliport_interfaces") else ["test_conversions.py", "test_node.py"]
+# the logic is tested without any build; these need the built messages
+collect_ignore = (
+    [] if find_spec("cliport_interfaces") else ["test_conversions.py", "test_node.py", "test_calibration_nodes.py"]
+)
 
 
 class Box(NamedTuple):

@@ -60,8 +60,7 @@ def _fitted(
     def residuals(pose: Pose) -> FloatArray:
         return np.concatenate(reprojection_errors(group, placed(pose), camera)).ravel()
 
-    sizes = np.repeat(np.arange(len(group)), [2 * len(sample.view.points) for sample in group])
-    pose, _ = fit_pose(residuals, start, sizes)
+    pose, _ = fit_pose(residuals, start)
     rms = sample_rms(reprojection_errors(group, placed(pose), camera))
     return pose, int(np.count_nonzero(rms < _AGREE_PX))
 

@@ -109,19 +109,20 @@ def moved(pose: Pose, change: FloatArray) -> Pose:
     return Pose(turn @ pose.rotation, pose.translation + change[:3])
 
 
-def fit_pose(
-    residuals: Callable[[Pose], FloatArray], start: Pose, groups: npt.NDArray[np.intp]
-) -> tuple[Pose, FloatArray]:
+def fit_pose(residuals: Callable[[Pose], FloatArray], start: Pose, repeats: int = 1) -> tuple[Pose, FloatArray]:
     """Return the one pose with the least squared residuals (M,), and its covariance (6, 6).
 
-    groups: (M,) to which sample each residual belongs: what is of one sample errs together.
+    repeats: how often each measurement was repeated with the same error, so that it counts once.
     """
 
     def of(change: FloatArray) -> FloatArray:
         return residuals(moved(start, change))
 
     found = least_squares(of, np.zeros(6), x_scale=np.full(6, 0.01), loss="soft_l1", f_scale=1.0, xtol=1e-12)
-    return moved(start, found.x), _jackknife(found.x, of, groups)
+    slope, errors = approx_fprime(found.x, of, _STEP), of(found.x)
+    free = max(1.0, len(errors) / repeats - 6.0)
+    variance = float(errors @ errors) / repeats / free
+    return moved(start, found.x), repeats * variance * np.linalg.pinv(slope.T @ slope)
 
 
 def _jackknife(
