@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -26,6 +27,7 @@ from cliport_perception import conversions
 from cliport_perception.camera_health import CameraHealth, HealthLimits
 from cliport_perception.clouds import MARGIN
 from cliport_perception.frame_processor import FrameProcessor
+from cliport_perception.table_watch import TableLimits
 from panda_model.ros_parameters import declare_base_frame, declare_robot
 
 STATUS_NAME = "cliport_perception: camera"
@@ -66,12 +68,17 @@ class PerceptionNode(Node):
             self._number("heightmap_rate", 10.0),
             self._number("points_rate", 2.0),
             self._number("points_margin", MARGIN),
+            self._table_limits(),
         )
         # wall time: the report must come even when simulated time stands still
         self.create_timer(1.0, self._report, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def _number(self, name: str, default: float) -> float:
         return float(self.declare_parameter(name, default).value)
+
+    def _table_limits(self) -> TableLimits | None:
+        shift, tilt = self._number("max_table_shift", 0.003), self._number("max_table_tilt", math.radians(0.2))
+        return TableLimits(shift, tilt) if shift > 0.0 and tilt > 0.0 else None
 
     def _on_tf(self, message: TFMessage) -> None:
         for link in message.transforms:

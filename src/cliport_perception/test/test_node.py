@@ -17,6 +17,7 @@ from sensor_msgs.msg import CameraInfo, Image, PointCloud2
 from tf2_msgs.msg import TFMessage
 
 from cliport_core import messages
+from cliport_core.pose import Pose
 from cliport_core.topics import CAMERA_INFO, COLOR, DEPTH
 from cliport_interfaces.msg import Heightmap as HeightmapMsg
 from cliport_perception import conversions
@@ -139,6 +140,19 @@ def test_a_frozen_camera_is_reported_and_recovers(fake: FakeCamera) -> None:
     assert stale()
     fake.heightmaps.clear()
     assert fake.until(lambda: bool(fake.heightmaps))
+
+
+def test_a_camera_that_was_moved_is_reported_and_not_served(fake: FakeCamera, cast_scene) -> None:
+    fake.publish_tf()
+    assert fake.until(lambda: len(fake.heightmaps) > 6)
+    place = fake.scene.camera_in_base
+    bumped = Pose(place.rotation, place.translation + np.array([0.0, 0.0, 0.01]))
+    moved = cast_scene(fake.scene.camera, bumped).depth
+    assert fake.until(fake.reported(2, "the camera was moved: the table lies 10 mm"), depth=moved)
+    fake.heightmaps.clear()
+    fake.until(lambda: False, timeout_s=1.0, depth=moved)
+    assert not fake.heightmaps
+    assert fake.until(lambda: bool(fake.heightmaps)), "it was put back"
 
 
 def test_a_missing_workspace_file_ends_in_one_line(capsys: pytest.CaptureFixture[str]) -> None:
