@@ -17,9 +17,8 @@ from cliport_perception.calibration.sample import Sample
 from cliport_perception.calibration.view import fit_view
 
 # the logic is tested without any build; these need the built messages
-collect_ignore = (
-    [] if find_spec("cliport_interfaces") else ["test_conversions.py", "test_node.py", "test_calibration_nodes.py"]
-)
+NEED_MESSAGES = ["test_conversions.py", "test_node.py", "test_calibration_nodes.py", "test_drivers.py"]
+collect_ignore = [] if find_spec("cliport_interfaces") else NEED_MESSAGES
 
 
 class Box(NamedTuple):
