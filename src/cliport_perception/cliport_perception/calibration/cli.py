@@ -43,6 +43,8 @@ def main(arguments: list[str] | None = None) -> int:
             return _static(options)
         if options.to_easy_handeye is not None:
             return _to_easy_handeye(options)
+        if options.verify is not None:
+            return _verify(board, options, ros)
         return _live(board, options, ros)
     except (CoreError, PresetError) as error:
         print(f"error: {error}", file=sys.stderr)
@@ -122,6 +124,12 @@ def _to_easy_handeye(options: argparse.Namespace) -> int:
     return 0
 
 
+def _verify(board: Board, options: argparse.Namespace, ros: list[str]) -> int:
+    from cliport_perception.calibration.ros_verify import run_verify  # needs ROS, which the other ways do not
+
+    return run_verify(board, options, ros)
+
+
 def _live(board: Board, options: argparse.Namespace, ros: list[str]) -> int:
     from cliport_perception.calibration.ros_live import run_live  # needs ROS, which the other ways do not
 
@@ -146,7 +154,9 @@ def _parser() -> argparse.ArgumentParser:
     ways.add_argument("--to-easy-handeye", type=Path, metavar="FILE", help="write --calibration as easy_handeye2's")
     ways.add_argument("--board-at", type=float, nargs=6, metavar=("X", "Y", "Z", "ROLL", "PITCH", "YAW"))
     ways.add_argument("--touched", type=float, nargs=9, metavar="M", help="x, y, z of the tip at three corners: docs")
-    parser.add_argument("--calibration", type=Path, default=DEFAULT_OUT, help="the one to convert")
+    ways.add_argument("--verify", type=Path, metavar="PNG", help="draw the model over what is seen, with numbers")
+    parser.add_argument("--workspace", metavar="FILE", help="of --verify: your workspace's YAML")
+    parser.add_argument("--calibration", type=Path, default=DEFAULT_OUT, help="the one to verify or convert")
     parser.add_argument("--paper", default="A4", help="of --print-board: A4, A3 or letter")
     parser.add_argument("--intrinsics", type=float, nargs=6, metavar=("WIDTH", "HEIGHT", "FX", "FY", "CX", "CY"))
     parser.add_argument("--outliers", type=float, default=0.0, help="of --simulate: share of samples grossly wrong")
