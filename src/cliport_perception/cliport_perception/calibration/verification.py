@@ -97,7 +97,7 @@ def verify(frame: Frame, calibration: CameraCalibration, workspace: WorkspaceSpe
 def draw(found: Verification, frame: Frame, calibration: CameraCalibration, board: Board) -> npt.NDArray[np.uint8]:
     """Return a picture (H, W, 3) RGB: the heightmap from above, x to the right, y down; unseen is magenta.
 
-    Cells near the table are tinted, too high ones red, too low ones blue; the model's tip is a cross, its board a frame.
+    Cells near the table are tinted, too high ones red, too low ones blue; the tip is a cross, the board a frame.
     """
     heightmap = found.heightmap
     picture = heightmap.color.astype(np.float32)
