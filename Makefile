@@ -38,7 +38,7 @@ demo: ready
 		$${DEMO_INSTRUCTION:+--instruction "$$DEMO_INSTRUCTION"} $${DEMO_CHECKPOINT:+--checkpoint "$$DEMO_CHECKPOINT"}
 
 test: ready
-	@. ./env.sh && exec python -m pytest $(PYTEST_ARGS)
+	@. ./env.sh && exec python -m pytest -n 2 --dist loadgroup --no-loadscope-reorder $(PYTEST_ARGS)
 
 soak: ready
 	@. ./env.sh && exec python -m pytest -m soak $(PYTEST_ARGS)

@@ -37,7 +37,7 @@ def write_scores(checkpoint: str, results: Sequence[Path]) -> Path:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Entry point; 0 when the card was written, 1 on an error."""
+    """Run the command; return 0 when the card was written, 1 on an error."""
     parser = argparse.ArgumentParser(prog="card_scores", description="Write scores of evaluate into a card.")
     parser.add_argument("--checkpoint", required=True, help="path or name of a shipped one")
     parser.add_argument("results", type=Path, nargs="+", help="JSON files of evaluate")

@@ -33,12 +33,14 @@ class Film:
         self._last = -np.inf
 
     def take(self, frame: NDArray[np.uint8]) -> None:
+        """Keep a frame if the interval has passed since the last one."""
         now = time.monotonic()
         if now - self._last >= GIF_EVERY_S:
             self._last = now
             self._frames.append(Image.fromarray(frame).resize(GIF_SIZE).quantize(128))
 
     def save(self, path: Path) -> None:
+        """Write the GIF; no file when there are no frames."""
         if self._frames:
             self._frames[0].save(
                 path,
@@ -50,6 +52,7 @@ class Film:
 
 
 def main(argv: list[str] | None = None) -> int:
+    """Run the demo; return 0 when the task was done."""
     args = _parser().parse_args(argv)
     out = Path(args.out)
     start = time.monotonic()
@@ -116,7 +119,7 @@ def _run(args: argparse.Namespace, out: Path) -> tuple[float, Ended]:
 
 
 def _set_scene(client: GraphClient, args: argparse.Namespace) -> str:
-    """Lay out the seed's scene, made for the instruction where one is given; what to tell the robot."""
+    """Make the seed's scene, for the instruction if one is given, and return the sentence for the robot."""
     if not args.instruction:
         return client.reset(args.task, "test", args.seed)
     try:

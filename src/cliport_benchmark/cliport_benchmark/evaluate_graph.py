@@ -23,7 +23,7 @@ GOAL_TIMEOUT = 240.0
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Entry point; 0 when results were written, 1 on an error."""
+    """Run the command; return 0 when results were written, 1 on an error."""
     argv = sys.argv[1:] if arguments is None else arguments
     options = _parser().parse_args(argv)
     try:

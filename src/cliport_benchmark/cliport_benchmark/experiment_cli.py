@@ -21,7 +21,7 @@ from sim_bridge.errors import SimBridgeError
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Entry point; 0 when all experiments are done, 1 when one failed, 2 on a wrong command line."""
+    """Run the command; return 0 when all experiments are done, 1 when one failed, 2 on a wrong command line."""
     options = _parser().parse_args(arguments)
     try:
         if options.processes < 1 or options.jobs < 1:
@@ -43,7 +43,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _run(experiments: Sequence[Experiment], options: argparse.Namespace, cluster: RayCluster | None) -> list[str]:
-    """What went wrong, a line each."""
+    """Run experiments and return what went wrong, a line each."""
     most = {e.task: max(x.n_demos for x in experiments if x.task == e.task) for e in experiments}
     one = experiments[0]  # set-up and variation are the same in all
     data = {

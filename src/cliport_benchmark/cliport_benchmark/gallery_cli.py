@@ -28,7 +28,7 @@ _COLUMNS = 3
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Entry point; 0 when everything was written, 1 on an error."""
+    """Run the command; return 0 when everything was written, 1 on an error."""
     options = _parser().parse_args(arguments)
     try:
         names = task_names(options.tasks)

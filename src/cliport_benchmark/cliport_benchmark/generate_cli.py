@@ -18,7 +18,7 @@ from sim_bridge.tasks import ALIASES
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Entry point; 0 when all parts are there, 1 on an error, 2 on a wrong command line."""
+    """Run the command; return 0 when all parts are there, 1 on an error, 2 on a wrong command line."""
     argv = sys.argv[1:] if arguments is None else arguments
     options = _parser().parse_args(argv)
     try:

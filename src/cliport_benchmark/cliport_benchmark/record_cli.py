@@ -22,7 +22,7 @@ from sim_bridge.tasks import ALIASES
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Entry point; 0 when all episodes were recorded, 1 on an error, 2 on a wrong command line."""
+    """Run the command; return 0 when all episodes were recorded, 1 on an error, 2 on a wrong command line."""
     options = _parser().parse_args(arguments)
     try:
         sentences = _sentences(options.instructions)
@@ -66,7 +66,7 @@ def _record(config: RecordConfig, out: Path) -> Counter[Result]:
 
 
 def _sentences(path: Path | None) -> tuple[str, ...]:
-    """Raises OptionError where the file can't be read or says nothing."""
+    """Read the sentences of a file. Raises OptionError where it can't be read or says nothing."""
     if path is None:
         return ()
     try:
