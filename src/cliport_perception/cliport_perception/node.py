@@ -69,6 +69,7 @@ class PerceptionNode(Node):
             self._number("points_rate", 2.0),
             self._number("points_margin", MARGIN),
             self._table_limits(),
+            int(self.declare_parameter("depth_frames", 1).value),
         )
         # wall time: the report must come even when simulated time stands still
         self.create_timer(1.0, self._report, clock=Clock(clock_type=ClockType.STEADY_TIME))
