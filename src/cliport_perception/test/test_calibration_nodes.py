@@ -73,15 +73,7 @@ def links(node: Node) -> list[TransformStamped]:
 
 
 def camera_pose_node(**parameters: str) -> CameraPoseNode:
-    overrides = [Parameter(name, value=value) for name, value in parameters.items()]
-    original = Node.__init__
-
-    def with_overrides(self: Node, name: str, **more: object) -> None:
-        original(self, name, parameter_overrides=overrides, **more)
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Node, "__init__", with_overrides)
-        return CameraPoseNode()
+    return CameraPoseNode(parameter_overrides=[Parameter(name, value=value) for name, value in parameters.items()])
 
 
 def test_a_calibration_is_published_and_again_when_it_changes(ros: Node, tmp_path: Path) -> None:

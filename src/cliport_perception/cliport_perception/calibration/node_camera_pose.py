@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from datetime import datetime, timezone
 from pathlib import Path
+from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import TransformStamped
@@ -32,8 +33,9 @@ class CameraPoseNode(Node):
     from there to the optical frame; `max_age_days`, after which the calibration is worth a warning.
     """
 
-    def __init__(self) -> None:
-        super().__init__("camera_pose")
+    def __init__(self, **options: Any) -> None:
+        """Publish at once. options: of rclpy's Node."""
+        super().__init__("camera_pose", **options)
         path = str(self.declare_parameter("calibration", "").value)
         self._driver_frame = str(self.declare_parameter("driver_frame", "").value)
         max_age_days = float(self.declare_parameter("max_age_days", 30.0).value)
