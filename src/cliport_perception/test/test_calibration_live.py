@@ -87,6 +87,14 @@ def test_what_keeps_a_sample_from_being_taken_is_said(board_in_hand) -> None:
     assert "the board moved by" in words(501.02)
 
 
+def test_poses_that_lag_behind_the_picture_a_little_are_good_enough(board_in_hand) -> None:
+    collector = SampleCollector(SeenBoard(board_in_hand))  # type: ignore[arg-type]
+    end = stand(collector, board_in_hand.start, 10.0)
+    for i in range(2):
+        got = collector.on_picture(round((end + 0.8 + 0.02 * i) * S), PICTURE)
+    assert isinstance(got, Sample)
+
+
 def test_a_clock_that_was_reset_begins_anew(board_in_hand) -> None:
     collector = SampleCollector(SeenBoard(board_in_hand))  # type: ignore[arg-type]
     stand(collector, board_in_hand.start, 100.0)

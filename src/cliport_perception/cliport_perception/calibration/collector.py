@@ -96,10 +96,10 @@ class SampleCollector:
                 f"the newest pose of the gripper is {abs(apart_s):.1f} s {'older' if apart_s > 0 else 'newer'} than the"
             )
             return Refusal(Fault.MOVING, f"{words} picture: do camera and arm have one clock, and do both still come?")
-        since = stamp_ns - round(config.still_s * _S)
+        since = min(stamp_ns, self._poses[-1][0]) - round(config.still_s * _S)
         recent = [pose for stamp, pose in self._poses if stamp >= since]
         reach_s = (self._poses[-1][0] - self._poses[0][0]) / _S
-        if reach_s < config.still_s or not recent:
+        if reach_s < config.still_s:
             return Refusal(Fault.MOVING, "the gripper's pose has come for too short a time: wait")
         for pose in recent:
             mm, deg = pose_difference(recent[-1], pose)

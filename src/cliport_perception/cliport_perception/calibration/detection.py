@@ -18,6 +18,7 @@ from cliport_perception.calibration.board import Board, BoardKind, dictionary, d
 from cliport_perception.calibration.view import BoardView, fit_view
 from cliport_perception.camera_model import CameraModel
 
+_LOOK_ELSEWHERE = 10  # of pictures without the board, one is searched for all other dictionaries, which takes long
 _LEAST_SQUARES = 3  # undecoded ones that may be a board's
 
 GrayImage = npt.NDArray[np.uint8]
@@ -67,6 +68,8 @@ class BoardDetector:
         self.camera = camera
         self.limits = limits or ViewLimits()
         self._markers = cv2.aruco.ArucoDetector(dictionary(board.dictionary), _parameters())
+        self._unseen_pictures = 0
+        self._other: str | None = None
         self._charuco = None
         if board.kind is BoardKind.CHARUCO:
             charuco = cv2.aruco.CharucoParameters()
@@ -89,6 +92,7 @@ class BoardDetector:
         own = [] if ids is None else [c for c, i in zip(corners, ids.ravel()) if i < self._marker_count]
         if not own:
             return self._unseen(gray, undecoded)
+        self._unseen_pictures, self._other = 0, None
         side = float(np.median([math.sqrt(cv2.contourArea(marker)) for marker in own]))
         if side < self.limits.min_marker_px:
             least = self.limits.min_marker_px
@@ -144,10 +148,12 @@ class BoardDetector:
             width = edge_width(gray, corners)
             if width > self.limits.max_edge_px:
                 return Refusal(Fault.BLURRED, self._blurred(width))
-        other = other_dictionary(gray, self.board)
-        if other:
-            words = f"the board's markers are of dictionary {other}, not of {self.board.dictionary}"
-            return Refusal(Fault.WRONG_DICTIONARY, f"{words}; name {other} in --board, or print this board")
+        if self._unseen_pictures % _LOOK_ELSEWHERE == 0:
+            self._other = other_dictionary(gray, self.board)
+        self._unseen_pictures += 1
+        if self._other is not None:
+            words = f"the board's markers are of dictionary {self._other}, not of {self.board.dictionary}"
+            return Refusal(Fault.WRONG_DICTIONARY, f"{words}; name {self._other} in --board, or print this board")
         words = f"the board is not seen: no marker of {self.board.dictionary}"
         return Refusal(Fault.NOT_SEEN, f"{words}; bring it into the picture, uncovered, in focus and evenly lit")
 
