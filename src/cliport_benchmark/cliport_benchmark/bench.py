@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import json
 import sys
 import tempfile
@@ -18,6 +17,7 @@ import numpy as np
 
 from cliport_benchmark.errors import BenchmarkError
 from cliport_benchmark.provenance import machine
+from cliport_core.command_line import CommandParser
 
 TASK = "put-blocks-in-bowls-seen-colors"
 PACKAGES = ("torch", "numpy", "opencv-python-headless", "open3d", "pybullet", "ompl", "pin")
@@ -247,7 +247,7 @@ def versions() -> dict[str, str]:
 
 def main(argv: list[str] | None = None) -> int:
     """Run the benchmarks; return 0 when all of them ran."""
-    parser = argparse.ArgumentParser(prog="bench", description="Time the pieces on this machine.")
+    parser = CommandParser(prog="bench", description="Time the pieces on this machine.")
     parser.add_argument("--group", choices=sorted(BENCHES), help=f"one instead of all but {', '.join(ON_REQUEST)}")
     parser.add_argument("--out", default="out/bench.json")
     args = parser.parse_args(argv)

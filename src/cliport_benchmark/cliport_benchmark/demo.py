@@ -14,6 +14,7 @@ from PIL import Image
 from cliport_benchmark.errors import BenchmarkError
 from cliport_benchmark.graph_client import OVERLAYS, Ended, GraphClient
 from cliport_benchmark.graph_process import GraphProcess
+from cliport_core.command_line import CommandParser
 from cliport_core.errors import InstructionError
 from cliport_core.instruction import normalized_instruction
 from cliport_interfaces.msg import PolicyStatus
@@ -78,7 +79,7 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="demo", description="Watch the graph do what a sentence says.")
+    parser = CommandParser(prog="demo", description="Watch the graph do what a sentence says.")
     parser.add_argument("--task", default="put-blocks-in-bowls-seen-colors")
     parser.add_argument("--seed", type=int, default=3)
     parser.add_argument("--instruction", default="", type=_instruction)

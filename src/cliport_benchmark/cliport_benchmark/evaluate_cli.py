@@ -21,6 +21,7 @@ from cliport_benchmark.ray_cluster import RayCluster, join_cluster
 from cliport_benchmark.summary import summary
 from cliport_benchmark.task_names import task_names
 from cliport_benchmark.wording import Wording, load_patterns, load_synonyms
+from cliport_core.command_line import CommandParser
 from cliport_core.source_state import source_state
 from cliport_policy.errors import PolicyError
 from sim_bridge.errors import SimBridgeError
@@ -155,7 +156,7 @@ class _Progress:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="evaluate", description="Score a policy or the expert.")
+    parser = CommandParser(prog="evaluate", description="Score a policy or the expert.")
     parser.add_argument(
         "--checkpoint",
         required=True,

@@ -16,6 +16,7 @@ from cliport_benchmark.own_setup import add_setup_options
 from cliport_benchmark.ray_cluster import RayCluster, join_cluster
 from cliport_benchmark.sweep import run_here, run_on_ray
 from cliport_benchmark.task_names import task_names
+from cliport_core.command_line import CommandParser
 from cliport_policy.errors import PolicyError
 from sim_bridge.errors import SimBridgeError
 
@@ -94,7 +95,7 @@ def _say(line: str) -> None:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = CommandParser(
         prog="experiment",
         description="Generate demonstrations, train, choose a checkpoint on val, score it on test; continued if begun.",
     )

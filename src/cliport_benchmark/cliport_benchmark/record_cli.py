@@ -16,6 +16,7 @@ from pathlib import Path
 from cliport_benchmark.errors import BenchmarkError, OptionError
 from cliport_benchmark.own_setup import add_setup_options, add_variation_options, setup_of, variation_of
 from cliport_benchmark.record import ExpertRecorder, RecordConfig, Result
+from cliport_core.command_line import CommandParser
 from cliport_episodes.errors import EpisodesError
 from sim_bridge.errors import SimBridgeError
 from sim_bridge.tasks import ALIASES
@@ -80,7 +81,7 @@ def _sentences(path: Path | None) -> tuple[str, ...]:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="record", description="Record the expert's demonstrations as bags.")
+    parser = CommandParser(prog="record", description="Record the expert's demonstrations as bags.")
     parser.add_argument("--task", required=True, help="full name, such as put-blocks-in-bowls-seen-colors")
     parser.add_argument("--split", default="train", help="train, val or test")
     parser.add_argument("--first-seed", type=int, default=0, help="seed of the first episode")

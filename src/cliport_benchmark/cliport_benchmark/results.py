@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import csv
 import io
 import sys
@@ -24,6 +23,7 @@ from cliport_benchmark.paper_scores import (
     paper_methods,
     paper_scores,
 )
+from cliport_core.command_line import CommandParser
 from cliport_policy.errors import PolicyError
 from sim_bridge.errors import TaskPackageError
 from sim_bridge.tasks import ALIASES, DEMO_TASKS, LANGUAGE_SPLITS, is_known
@@ -167,7 +167,7 @@ def comma_separated(evaluations: Sequence[Evaluation]) -> str:
 
 def main(arguments: list[str] | None = None) -> int:
     """Run the command; return 0 when there was something to show, 1 on an error."""
-    parser = argparse.ArgumentParser(prog="results", description="Evaluations as tables beside the paper's.")
+    parser = CommandParser(prog="results", description="Evaluations as tables beside the paper's.")
     parser.add_argument("folder", type=Path, help="where evaluate wrote its JSON files")
     parser.add_argument("--out", type=Path, help="Markdown file to write, and a .csv beside it")
     parser.add_argument("--demos", type=int, choices=DEMO_COUNTS, default=1000, help="of the paper's columns")
