@@ -9,6 +9,7 @@ from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any
 
+from cliport_core.command_line import CommandParser
 from cliport_core.errors import CoreError
 from cliport_core.pose import Pose
 from cliport_perception.calibration.board import Board, parse_board
@@ -137,7 +138,7 @@ def _live(board: Board, options: argparse.Namespace, ros: list[str]) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="calibrate", description=__doc__)
+    parser = CommandParser(prog="calibrate", description=__doc__)
     parser.add_argument("--board", default="charuco", metavar="FORM", help="charuco:5x4:40:30:4X4_50, the default")
     parser.add_argument("--out", type=Path, metavar="FILE", help=f"what is written; {DEFAULT_OUT}")
     parser.add_argument("--samples", type=int, default=30, help="how many to take; 30")
