@@ -54,23 +54,15 @@ def solve_eye_on_base(
     check_motion(samples, config.motion)
     start, _ = guess_placement(samples, rng)
     refined, kept = _without_outliers(samples, start, camera, config)
-    odd = [i for i in range(len(samples)) if i not in set(kept)]
-    if odd:
-        explain_odd_samples(samples, odd, kept, refined.placement, camera)
-    if len(odd) > config.max_outlier_share * len(samples):
-        raise CalibrationError(
-            f"{len(odd)} of {len(samples)} samples do not fit the others, at most "
-            f"{100 * config.max_outlier_share:.0f} % may: does the board "
-            "sit firmly in the gripper, and do pictures and joint states have one clock?"
-        )
+    odd = set(range(len(samples))) - set(kept)
+    _check_odd(samples, sorted(odd), kept, refined.placement, camera, config)
     good = [samples[i] for i in kept]
     check_motion(good, config.motion)
     scale = _checked_scale(good, refined.placement, camera, board, config)
     final = refine(good, refined.placement, camera)
     held = set(_held_out(kept, config.held_out_share, rng))
-    known = [samples[i] for i in kept if i not in held]
-    predicting = refine(known, final.placement, camera).placement
-    misfits = _misfits(samples, final.placement, predicting, held, set(odd), camera, board)
+    predicting = refine([samples[i] for i in kept if i not in held], final.placement, camera).placement
+    misfits = _misfits(samples, final.placement, predicting, held, odd, camera, board)
     return EyeOnBase(
         final.placement.camera_in_base,
         final.placement.board_in_gripper,
@@ -81,6 +73,24 @@ def solve_eye_on_base(
         scale.scale,
         scale.scale_sigma,
     )
+
+
+def _check_odd(
+    samples: Sequence[Sample],
+    odd: list[int],
+    kept: list[int],
+    placement: Placement,
+    camera: CameraModel,
+    config: SolverConfig,
+) -> None:
+    """Refuse samples of which too many do not fit, or whose misfits have one cause."""
+    explain_odd_samples(samples, odd, kept, placement, camera)
+    if len(odd) > config.max_outlier_share * len(samples):
+        raise CalibrationError(
+            f"{len(odd)} of {len(samples)} samples do not fit the others, at most "
+            f"{100 * config.max_outlier_share:.0f} % may: does the board sit firmly in the gripper, and do pictures "
+            "and joint states have one clock?"
+        )
 
 
 def _without_outliers(
