@@ -75,6 +75,11 @@ class Task(ABC):
         """The sentence for what is to be done now; a completion phrase when nothing is."""
 
     @property
+    def sentences_done(self) -> Sequence[str]:
+        """Sentences of goals that were reached before and still are, the last first; not the present `instruction`."""
+        return ()
+
+    @property
     @abstractmethod
     def max_steps(self) -> int:
         """How many actions an episode may take."""
