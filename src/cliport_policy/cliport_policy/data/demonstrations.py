@@ -29,7 +29,9 @@ CACHE_BYTES = 4 << 30  # of encoded observations in memory: about 40,000
 
 @dataclass(frozen=True)
 class Demonstration:
-    """The expert's action for one instruction in one observation; done: nothing remains, and no poses are given.
+    """The expert's action for one instruction in one observation.
+
+    done: nothing remains; absent: the sentence names what is not there. No poses are given then.
 
     Pixels are (row, col); yaws are rad about +z; the picked object looks the same every pick_yaw_period rad.
     """
@@ -42,6 +44,12 @@ class Demonstration:
     place_pixel: tuple[int, int]
     place_yaw: float
     primitive: Primitive = Primitive.PICK_PLACE
+    absent: bool = False
+
+    @property
+    def acts(self) -> bool:
+        """True if there is something to be done."""
+        return not (self.done or self.absent)
 
 
 @dataclass(frozen=True)

@@ -126,7 +126,7 @@ class GoalTask(Task):
     @property
     def sentences_done(self) -> Sequence[str]:
         """See Task."""
-        found = []
+        found: list[str] = []
         for goal in reversed(self._goals[: self._reached]):
             if goal.sentence not in (self.instruction, *found) and goal.reached(self.world):
                 found.append(goal.sentence)
