@@ -48,6 +48,7 @@ _DRAWS = 200  # of a pose for the square
 class AlignRope(GoalTask):
     """A rope of 20 beads beside a square whose front side is missing; the rope goes onto one side, either way round."""
 
+    sentence_pattern = "align the rope from {begin} to {end}"
     done_sentence = "done aligning the rope."
     primitive = Primitive.FOLD
     sides_without_words: Sequence[int] = range(len(SIDES))  # that may be asked for
@@ -104,6 +105,7 @@ class AlignRope(GoalTask):
 class ManipulatingRope(AlignRope):
     """The rope always closes the square."""
 
+    sentence_pattern = ""
     done_sentence = "done manipulating the rope."
     sides_without_words = (0,)
 

@@ -22,6 +22,7 @@ N_DISTRACTORS = 4
 class PackingBoxPairs(PackingBoxes):
     """Boxes of the named colours fill the container; up to four of other colours, of the same sizes, stay."""
 
+    sentence_pattern = "pack all the {first} and {second} blocks into the brown box"
     done_sentence = "done packing blocks."
     z_cap = 0.0525  # no piles
 

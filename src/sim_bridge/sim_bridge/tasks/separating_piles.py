@@ -73,6 +73,7 @@ class _PileTask(GoalTask):
 class SeparatingPiles(_PileTask):
     """Blocks of one colour into the zone of the colour that is asked for; another zone beside it."""
 
+    sentence_pattern = "push the pile of {color} blocks into the {zone} square"
     done_sentence = "done separating pile."
 
     def __init__(self, name: str, split: Split, variant: Variant) -> None:
