@@ -1,3 +1,5 @@
+from xml.etree import ElementTree
+
 from setuptools import find_packages, setup
 
 package_name = "cliport_policy"
@@ -5,7 +7,7 @@ _DATA = ["configs/*.yaml", "mixtures/*.yaml", "data/*.yaml", "color_heads/*.safe
 
 setup(
     name=package_name,
-    version="0.1.0",
+    version=ElementTree.parse("package.xml").findtext("version"),
     packages=find_packages(exclude=["test"]),
     package_data={package_name: ["py.typed", "weights/*.safetensors", "weights/*.json", *_DATA]},
     data_files=[
