@@ -14,7 +14,7 @@ _GOES_ON = "step limit of "  # how the server's message begins when it only want
 
 
 class Progress(NamedTuple):
-    """What the simulator says of its scene: score 0..1, whether the task is reached, and the present sentence."""
+    """Present state of the simulator's scene: score 0..1, whether the task is reached, and the present sentence."""
 
     score: float
     done: bool
@@ -35,7 +35,7 @@ class Graph(Protocol):
 
 
 class Played(NamedTuple):
-    """How an episode ended. sentences: what was said, in order. steps: actions that were begun in all."""
+    """Result of an episode. sentences: what was said, in order. steps: actions that were begun in all."""
 
     score: float
     steps: int
@@ -52,7 +52,9 @@ def play_episode(
     sleep: Callable[[float], None] = time.sleep,
     now: Callable[[], float] = time.monotonic,
 ) -> Played:
-    """Say each sentence when the one before is reached, until the task is, the policy gives up or its steps are spent.
+    """Run an episode: each sentence follows when the one before is reached.
+
+    It ends when the task is reached, the policy gives up or the steps are spent.
 
     first: the scene's first sentence. timeout: of the whole episode [s].
     """

@@ -6,7 +6,6 @@ so that the head learns to tell colour words from others, and which words belong
 
 from __future__ import annotations
 
-import argparse
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -19,6 +18,7 @@ from safetensors.torch import load_file, save_file
 from torch import Tensor
 from torch.nn import functional as F
 
+from cliport_core.command_line import CommandParser
 from cliport_policy.errors import CheckpointError, ConfigError, PolicyError
 from cliport_policy.language import TextEncoder, shared_encoder
 from cliport_policy.networks.joint.color_words import ColorHead, scaled_lab
@@ -178,7 +178,7 @@ def likelihoods(
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Fit both arms, write their files, print their losses; return the exit status."""
-    parser = argparse.ArgumentParser(prog="fit_color_words", description="Teach the colour head the survey's names.")
+    parser = CommandParser(prog="fit_color_words", description="Teach the colour head the survey's names.")
     parser.add_argument("--out", type=Path, default=FOLDER, help="folder for strict.safetensors and open.safetensors")
     parser.add_argument("--steps", type=int, default=1500)
     parser.add_argument("--seed", type=int, default=0)
