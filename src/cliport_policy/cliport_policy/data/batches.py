@@ -18,9 +18,9 @@ from cliport_policy.data.augmentation import (
     PlanarTransform,
     draw_transform,
     identity_transform,
+    is_falsified_by_turning,
     jitter_color,
     jitter_height,
-    names_direction,
     warp,
 )
 from cliport_policy.data.mixture import Drawn
@@ -129,7 +129,7 @@ def make_sample(
     transform = identity_transform()
     if rng.random() < config.augment_probability:
         keep = [demo.pick_pixel, demo.place_pixel] if demo.acts else []
-        directed = names_direction(demo.instruction)
+        directed = is_falsified_by_turning(demo.instruction)
         sigma = config.directed_rotation_sigma_deg if directed else config.rotation_sigma_deg
         transform = draw_transform(observation.valid.shape, keep, sigma, config.translation_sigma_px, rng)
     look = int(rng.integers(2**62)) if config.jitter else None
