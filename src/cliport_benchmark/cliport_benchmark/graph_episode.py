@@ -68,7 +68,8 @@ def play_episode(
             status = None  # of the sentence before
         if status is not None:
             steps, message = before + int(status.step), status.message
-        if progress.done:
+        resting = status is not None and status.state != PolicyStatus.STATE_EXECUTING
+        if progress.done and resting:  # while the arm moves, what it carries may only pass by
             return Played(progress.score, steps, message, tuple(sentences), True)
         over = status is not None and status.state in ENDED
         if progress.instruction != said:

@@ -6,6 +6,7 @@ from cliport_benchmark.graph_episode import Played, Progress, play_episode
 from cliport_interfaces.msg import PolicyStatus
 
 EXECUTING, DONE, FAILED = PolicyStatus.STATE_EXECUTING, PolicyStatus.STATE_DONE, PolicyStatus.STATE_FAILED
+LOOKING = PolicyStatus.STATE_OBSERVING
 
 
 @dataclass
@@ -43,7 +44,7 @@ def test_each_sentence_is_said_when_the_one_before_is_reached() -> None:
         (EXECUTING, "moving", 1, "a", 0.0),
         (EXECUTING, "moving", 1, "b", 0.5),
         (EXECUTING, "moving", 1, "b", 0.5),
-        (EXECUTING, "moving", 1, "b", 1.0),
+        (LOOKING, "looking", 1, "b", 1.0),
     ])  # fmt: skip
     played = graph.play()
     assert graph.said == ["a", "b"] and played.sentences == ("a", "b")
@@ -52,7 +53,7 @@ def test_each_sentence_is_said_when_the_one_before_is_reached() -> None:
 
 def test_the_servers_own_limit_does_not_end_a_task_that_allows_more() -> None:
     limit = (FAILED, "step limit of 8 reached", 8, "a", 0.2)
-    graph = Graph([limit, limit, (EXECUTING, "moving", 4, "a", 1.0)])
+    graph = Graph([limit, limit, (LOOKING, "looking", 4, "a", 1.0)])
     played = graph.play(max_steps=20)
     assert graph.said == ["a", "a", "a"] and played.steps == 20 and played.score == 1.0
 
@@ -64,6 +65,12 @@ def test_the_tasks_limit_and_a_policy_that_gives_up_end_it() -> None:
     assert not lost.ended_well and lost.steps == 0
     done = Graph([(DONE, "the goal looks reached already", 0, "a", 0.0)])
     assert done.play().ended_well and done.said == ["a", ""]
+
+
+def test_what_the_arm_carries_over_its_target_is_not_there_yet() -> None:
+    carrying = (EXECUTING, "step 1: LOWER", 1, "a", 1.0)
+    played = Graph([carrying, carrying, (LOOKING, "waiting", 1, "a", 0.5), (DONE, "reached", 1, "a", 0.5)]).play()
+    assert played.score == 0.5 and played.message == "reached"
 
 
 def test_a_status_of_the_sentence_before_is_not_taken_for_this_ones() -> None:
