@@ -1,4 +1,4 @@
-"""Common options of all packages' command lines: `--version`."""
+"""Parts that the command lines of all packages share: `--version`."""
 
 from __future__ import annotations
 
