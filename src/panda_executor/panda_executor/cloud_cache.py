@@ -25,10 +25,11 @@ class CloudCache:
         max_age: an older cloud is not given out [s].
         behind: a cloud may have been taken this much before the observation that a goal comes from [s];
             by default it must show the same scene or a later one.
+        max_ahead: nor is one given out that is stamped later than now by more [s].
     """
 
-    def __init__(self, max_age: float = 2.0, behind: float = 0.0) -> None:
-        self._max_age, self._behind = max_age, behind
+    def __init__(self, max_age: float = 2.0, behind: float = 0.0, max_ahead: float = 0.25) -> None:
+        self._max_age, self._behind, self._max_ahead = max_age, behind, max_ahead
         self._lock = threading.Lock()
         self._raw: bytes | None = None
         self._stamp_ns = 0
@@ -61,6 +62,11 @@ class CloudCache:
         if age > self._max_age:
             raise RequestError(
                 f"the point cloud is {age:.1f} s old (at most {self._max_age:g} s); has the camera stopped?"
+            )
+        if age < -self._max_ahead:
+            raise RequestError(
+                f"the point cloud is {-age:.1f} s ahead of the clock (at most {self._max_ahead:g} s); "
+                "do camera and executor follow one clock?"
             )
         behind = (goal_stamp_ns - stamp_ns) * 1e-9
         if goal_stamp_ns and behind > self._behind:

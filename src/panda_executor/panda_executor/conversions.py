@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 from builtin_interfaces.msg import Duration
 from control_msgs.action import FollowJointTrajectory, GripperCommand
+from control_msgs.msg import JointTolerance
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import PointCloud2
@@ -48,6 +49,22 @@ def trajectory_to_msg(trajectory: JointTrajectory, joint_names: tuple[str, ...])
         for time, positions, velocities, accelerations in rows
     ]
     return JointTrajectoryMsg(joint_names=list(joint_names), points=points)
+
+
+def trajectory_goal_to_msg(
+    trajectory: JointTrajectory,
+    joint_names: tuple[str, ...],
+    path_tolerance: float,
+    goal_tolerance: float,
+    goal_time: float,
+) -> FollowJointTrajectory.Goal:
+    """Return a goal whose joints may be off their path and their end by so much [rad], the end so late [s]."""
+    return FollowJointTrajectory.Goal(
+        trajectory=trajectory_to_msg(trajectory, joint_names),
+        path_tolerance=[JointTolerance(name=name, position=path_tolerance) for name in joint_names],
+        goal_tolerance=[JointTolerance(name=name, position=goal_tolerance) for name in joint_names],
+        goal_time_tolerance=duration_to_msg(goal_time),
+    )
 
 
 def trajectory_from_msg(message: JointTrajectoryMsg, joint_names: tuple[str, ...]) -> JointTrajectory:

@@ -34,6 +34,10 @@ class PlanningError(ExecutorError):
     """No path that keeps the limits and touches nothing."""
 
 
+class BudgetSpentError(PlanningError):
+    """Planning was stopped, or took longer than it may; nothing else is to be tried."""
+
+
 class TrajectoryError(ExecutorError):
     """A trajectory that must not be sent: malformed, beyond a limit, or in collision."""
 

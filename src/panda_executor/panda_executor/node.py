@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 
-from control_msgs.action import FollowJointTrajectory, GripperCommand
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.action import CancelResponse, GoalResponse
 from rclpy.action.server import ServerGoalHandle
@@ -24,9 +23,6 @@ from cliport_core.raw_header import header_of_raw
 from cliport_core.ros_action_server import ThreadedActionServer
 from cliport_interfaces.action import PickPlace
 from panda_executor import conversions
-from panda_executor.action_arm import ActionArm
-from panda_executor.action_call import ActionCaller
-from panda_executor.action_gripper import ActionGripper
 from panda_executor.camera_place import CameraPlace
 from panda_executor.cloud_cache import CloudCache
 from panda_executor.gate import Gate
@@ -35,6 +31,7 @@ from panda_executor.health import assess
 from panda_executor.heartbeat import Heartbeat
 from panda_executor.joint_tracker import JointTracker
 from panda_executor.model import PandaModel
+from panda_executor.node_controllers import Controllers
 from panda_executor.node_parameters import NodeParameters, read_parameters
 from panda_executor.runner import PickPlaceRunner
 from panda_executor.transfer import TransferPlanner
@@ -54,16 +51,14 @@ class ExecutorNode(Node):
         super().__init__("panda_executor")
         parameters = read_parameters(self)
         robot = parameters.robot
-        self.gate = Gate()
-        self._joints = JointTracker(robot.arm_joints, robot.finger_joints, parameters.max_joint_age)
-        self._clouds = CloudCache(parameters.max_cloud_age, parameters.cloud_behind)
+        self._joints = JointTracker(
+            robot.arm_joints, robot.finger_joints, parameters.max_joint_age, parameters.max_ahead
+        )
+        self.gate = Gate(lambda: self._joints.is_still(self._now_ns()))
+        self._clouds = CloudCache(parameters.max_cloud_age, parameters.cloud_behind, parameters.max_ahead)
         self._camera = CameraPlace(robot.base_frame)
         self._calls = ReentrantCallbackGroup()
-        self._arm_caller = ActionCaller(self, FollowJointTrajectory, robot.arm_action, self._calls)
-        self._gripper_caller = ActionCaller(self, GripperCommand, robot.gripper_action, self._calls)
-        self._gripper = ActionGripper(
-            self._gripper_caller, self._joints, self._now_ns, robot.gripper_reports_full_width
-        )
+        self._controllers = Controllers(self, parameters, self._joints, self.gate.note_motion, self._calls)
         runner = self._make_runner(parameters)
         self._session = GoalSession(runner, self._clouds, self._camera, parameters, self.gate, self._now_ns)
         self._subscribe()
@@ -71,12 +66,12 @@ class ExecutorNode(Node):
 
     def _make_runner(self, parameters: NodeParameters) -> PickPlaceRunner:
         robot = parameters.robot
-        arm = ActionArm(self._arm_caller, self._joints, robot.arm_joints, self._now_ns)
         description = load_description(robot, parameters.robot_description)
         if description.notice:
             self.get_logger().warning(description.notice)
         model = PandaModel(robot, description=description)
-        return PickPlaceRunner(model, TransferPlanner(model, parameters.config), arm, self._gripper)
+        planner = TransferPlanner(model, parameters.config)
+        return PickPlaceRunner(model, planner, self._controllers.arm, self._controllers.gripper)
 
     def _subscribe(self) -> None:
         data = MutuallyExclusiveCallbackGroup()
@@ -104,7 +99,7 @@ class ExecutorNode(Node):
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(1.0, self._report, callback_group=services, clock=steady)
         beats = self.create_publisher(Empty, topics.HEARTBEAT, 10)
-        self._heartbeat = Heartbeat(lambda: beats.publish(Empty()))
+        self._heartbeat = Heartbeat(lambda: beats.publish(Empty()), is_alive=self._controllers.pulse.is_alive)
         self._server = ThreadedActionServer(
             self, PickPlace, topics.PICK_PLACE, self._execute, callback_group=self._calls,
             goal_callback=self._on_goal, cancel_callback=lambda _: CancelResponse.ACCEPT,
@@ -143,7 +138,7 @@ class ExecutorNode(Node):
 
     def _on_stop(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self.gate.latch("stopped on request")
-        self._gripper.stop()
+        self._controllers.stop()
         response.success, response.message = True, f"stopped; goals are rejected until {topics.EXECUTOR_RESUME}"
         return response
 
@@ -155,8 +150,8 @@ class ExecutorNode(Node):
     def _report(self) -> None:
         now_ns = self._now_ns()
         report = assess(
-            self._joints.age(now_ns), self._clouds.age(now_ns), self._arm_caller.is_ready(),
-            self._gripper_caller.is_ready(), self.gate.refusal(), self.gate.busy,
+            self._joints.age(now_ns), self._clouds.age(now_ns), self._controllers.arm_ready,
+            self._controllers.gripper_ready, self.gate.refusal(), self.gate.busy,
         )  # fmt: skip
         self._diagnostics.publish(conversions.diagnostics_to_msg(report, now_ns))
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from cliport_core.workspace import WorkspaceSpec
+from panda_executor.arm_watch import ArmWatch
 from panda_executor.config import ExecutorConfig
 from panda_executor.errors import ExecutorError
 from panda_model import DEFAULT_PRESET, ArmModel, load_preset
@@ -29,6 +30,8 @@ class NodeParameters:
     max_joint_age: float
     cloud_behind: float
     cloud_wait: float
+    max_ahead: float
+    watch: ArmWatch
 
 
 def read_parameters(node: Node) -> NodeParameters:
@@ -62,7 +65,20 @@ def read_parameters(node: Node) -> NodeParameters:
         max_joint_age=float(get("max_joint_age", 0.5)),
         cloud_behind=float(get("cloud_behind", 0.0)),
         cloud_wait=float(get("cloud_wait", 3.0)),
+        max_ahead=float(get("max_ahead", 0.25)),
+        watch=_read_watch(get),
     )
+
+
+def _read_watch(get: Any) -> ArmWatch:
+    watch = ArmWatch()
+    values = {
+        name: float(get(name, getattr(watch, name))) for name in ("path_tolerance", "goal_tolerance", "goal_time")
+    }
+    for name, value in values.items():
+        if not value > 0.0:
+            raise ExecutorError(f"{name} must be positive, got {value:g}")
+    return replace(watch, **values)
 
 
 def _read_config(get: Any, robot: ArmModel) -> ExecutorConfig:

@@ -8,6 +8,7 @@ from collections.abc import Callable
 import numpy as np
 from ompl import base, geometric, util
 
+from panda_executor.budget import Budget
 from panda_executor.config import SearchConfig
 from panda_executor.errors import PlanningError
 from panda_executor.scene import Scene
@@ -34,21 +35,29 @@ def find_path(
     goal: FloatArray,
     config: SearchConfig,
     clock: Callable[[], float] = time.monotonic,
+    budget: Budget | None = None,
 ) -> FloatArray:
     """Find waypoints (N, 7) [rad] from start to goal; the segments between them are valid at every 0.02 rad.
 
     Deterministic for a seed as long as max_checks ends the search before time_limit does.
 
+    Args:
+        budget: of the whole request's planning.
+
     Raises:
         PlanningError: when an end is not valid, or no path was found within the bounds.
     """
+    budget = budget or Budget(clock=clock)
+    budget.check()
     for name, positions in (("start", start), ("end", goal)):
         problem = scene.problem(positions)
         if problem is not None:
             raise PlanningError(f"the motion cannot {name} there: {problem}")
     if line_is_free(scene, start, goal):
         return np.stack([start, goal])
-    return _RrtStar(scene, config, clock, np.stack([start, goal])).solve(start, goal)
+    path = _RrtStar(scene, config, clock, budget, np.stack([start, goal])).solve(start, goal)
+    budget.check()
+    return path
 
 
 class _RrtStar:
@@ -58,9 +67,11 @@ class _RrtStar:
     of seven joints most searches would end at their bounds with nothing found.
     """
 
-    def __init__(self, scene: Scene, config: SearchConfig, clock: Callable[[], float], ends: FloatArray) -> None:
+    def __init__(
+        self, scene: Scene, config: SearchConfig, clock: Callable[[], float], budget: Budget, ends: FloatArray
+    ) -> None:
         util.RNG.setSeed(config.seed)
-        self._scene, self._config, self._clock = scene, config, clock
+        self._scene, self._config, self._clock, self._budget = scene, config, clock, budget
         self._checks = 0
         lower = np.maximum(scene.model.limits.lower, ends.min(axis=0) - config.margin)
         upper = np.minimum(scene.model.limits.upper, ends.max(axis=0) + config.margin)
@@ -80,6 +91,8 @@ class _RrtStar:
 
     def _is_valid(self, state: base.State) -> bool:
         self._checks += 1
+        if self._budget.is_spent():  # also ends the shortening of a path that was found
+            return False
         return self._scene.is_valid(self._positions(state))
 
     @staticmethod
@@ -104,11 +117,14 @@ class _RrtStar:
         enough = self._config.max_checks
 
         def done() -> bool:
+            if self._budget.is_spent():
+                return True
             if problem.hasExactSolution() and self._checks > enough // 4:
                 return True
             return self._checks > enough or self._clock() > deadline
 
         planner.solve(base.PlannerTerminationCondition(done))
+        self._budget.check()
         if not problem.hasExactSolution():
             raise PlanningError(
                 f"no way round the obstacles was found in {self._checks} checks; "

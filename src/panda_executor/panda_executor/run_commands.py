@@ -105,6 +105,10 @@ class RunCommands:
 
         result = self._arm.execute(motion.trajectory, stop)
         phase = motion.phase.name.lower()
+        if not result.standing:
+            outcome = Outcome.CANCELLED if self.should_stop() else Outcome.EXECUTION_FAILED
+            why = f": {result.message}" if result.message else ""
+            raise EarlyEnd(outcome, f"the arm was not seen to stand still after {phase}{why}; look before you go on")
         if self.should_stop():
             raise EarlyEnd(Outcome.CANCELLED, f"cancelled during {phase}; the arm holds")
         if lost or (watch_load and self.is_empty()):

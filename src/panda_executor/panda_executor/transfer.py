@@ -11,8 +11,9 @@ import numpy.typing as npt
 
 from cliport_core.action import PickPlaceAction
 from cliport_core.workspace import WorkspaceSpec
+from panda_executor.budget import Budget
 from panda_executor.config import ExecutorConfig
-from panda_executor.errors import ExecutorError, InverseKinematicsError, PlanningError
+from panda_executor.errors import BudgetSpentError, ExecutorError, InverseKinematicsError, PlanningError
 from panda_executor.grasp import Grasp, plan_grasps
 from panda_executor.hand_geometry import HandShape
 from panda_executor.ik import HandDownIk, hand_down_pose
@@ -75,6 +76,14 @@ class TransferPlanner:
         body = HandShape(self.config.hand, margin=0.015).points @ rotation.T + translation
         return grid.without(body)
 
+    def budget(self, should_stop: ShouldStop = lambda: False) -> Budget:
+        """Return what one request's planning may take, from now on."""
+        return Budget(self.config.planning_time, self.clock, should_stop)
+
+    def motions_within(self, budget: Budget) -> MotionBuilder:
+        """Return a builder whose motions are planned within a budget."""
+        return MotionBuilder(self.model, self.ik, self.config, budget)
+
     def homeward(self, start: FloatArray, grid: ObstacleGrid, hand: HandShape) -> Motion:
         """Plan the way to the ready pose from wherever the arm is, `start` (7,) [rad].
 
@@ -101,24 +110,26 @@ class TransferPlanner:
             GraspError: when the cloud gives no grasp.
             PlanningError: when no grasp, branch and path was found that is valid throughout.
         """
-        deadline = self.clock() + self.config.planning_time
+        budget = self.budget(should_stop)
         cloud = relevant_points(cloud, workspace)
         grid = self.grid(cloud, workspace, start)
         on_phase(Phase.GRASP_PLANNING, 0.0)
         grasps = plan_grasps(cloud, action.pick, workspace, self.config.scene.table_z, self.config.grasp)
         on_phase(Phase.GRASP_PLANNING, 0.5)
-        attempts = TransferAttempts(self.motions, action, workspace, grid, start)
+        attempts = TransferAttempts(self.motions_within(budget), action, workspace, grid, start)
         reason = ""
         for grasp in grasps:
             rest = cloud[~grasp.covers(cloud, _OWN_MARGIN)]
             rest_grid = self.grid(rest, workspace, start)
             for flip in self._flips(grasp, start):
-                if self.clock() > deadline or should_stop():
-                    raise PlanningError(reason or "planning took too long")
+                budget.check(reason)
                 try:
                     plan = attempts.plan(grasp, flip, rest, rest_grid)
+                    budget.check()
                     on_phase(Phase.GRASP_PLANNING, 1.0)
                     return plan
+                except BudgetSpentError:
+                    raise
                 except ExecutorError as error:
                     reason = reason or str(error)
         raise PlanningError(reason)

@@ -22,6 +22,7 @@ collect_ignore = (
     []
     if find_spec("cliport_interfaces")
     else [
+        "test_action_arm.py",
         "test_action_call.py",
         "test_conversions.py",
         "test_goal_session.py",

@@ -27,6 +27,7 @@ class FakeArm:
     failure: MotionResult = _ABORTED
     on_step: Callable[[int, float], None] = lambda motion, share: None
     sent: list[JointTrajectory] = field(default_factory=list)
+    standing: bool = True  # whether it is measured at rest once it was stopped
 
     def joint_positions(self) -> FloatArray:
         """Return the positions (7,) [rad]."""
@@ -40,7 +41,7 @@ class FakeArm:
             share = i / (len(trajectory.positions) - 1)
             self.on_step(number, share)
             if should_stop():
-                return MotionResult(MotionStatus.CANCELLED, "stopped")
+                return MotionResult(MotionStatus.CANCELLED, "stopped", self.standing)
             if number == self.fail_at and share > 0.5:
                 return self.failure
             self.positions = np.array(positions)

@@ -15,6 +15,7 @@ from cliport_core.messages import goal_to_msg, result_from_msg
 from cliport_core.outcome import ActionResult, Outcome
 from cliport_core.pose import PlanarPose, Pose
 from cliport_core.workspace import WorkspaceSpec
+from panda_executor.arm_watch import ArmWatch
 from panda_executor.camera_place import CameraPlace
 from panda_executor.cloud_cache import CloudCache
 from panda_executor.config import ExecutorConfig
@@ -58,7 +59,7 @@ class Session:
         self.act: Callable[[Callable[[], bool]], Outcome] = lambda should_stop: Outcome.SUCCEEDED
         parameters = NodeParameters(
             load_preset("panda"), "", ExecutorConfig(), WorkspaceSpec(),
-            max_cloud_age=2.0, max_joint_age=0.5, cloud_behind=0.0, cloud_wait=0.0,
+            max_cloud_age=2.0, max_joint_age=0.5, cloud_behind=0.0, cloud_wait=0.0, max_ahead=0.25, watch=ArmWatch(),
         )  # fmt: skip
         camera = CameraPlace("panda_link0")
         camera.put("panda_link0", "camera", Pose.identity())

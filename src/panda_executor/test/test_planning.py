@@ -268,6 +268,43 @@ def test_planning_ends_when_its_time_is_up(model, workspace: WorkspaceSpec, tabl
         late.plan(action, table_cloud, workspace, READY_POSITIONS)
 
 
+class StopsAfter:
+    """A stop that is asked for at the n-th look."""
+
+    def __init__(self, looks: int) -> None:
+        self.left, self.after = looks, 0
+
+    def __call__(self) -> bool:
+        self.left -= 1
+        self.after += self.left < 0
+        return self.left < 0
+
+
+@pytest.mark.parametrize("looks", [1, 5, 20, 200])
+def test_planning_looks_at_stop_all_the_time(planner: TransferPlanner, workspace: WorkspaceSpec, looks: int) -> None:
+    """Within a search, too: a wall stands between pick and place."""
+    wall = cube_points(Cube(0.45, -0.05, size=(0.4, 0.02, 0.2)))
+    cloud = seen_cloud(cube_points(Cube(0.45, 0.1, 0.3)), wall)
+    stop = StopsAfter(looks)
+    action = PickPlaceAction(PlanarPose(0.45, 0.1, 0.3), PlanarPose(0.45, -0.2, 0.3))
+    with pytest.raises(PlanningError, match="planning was stopped"):
+        planner.plan(action, cloud, workspace, READY_POSITIONS, should_stop=stop)
+    assert stop.after < 200, "it went on for long"
+
+
+def test_planning_is_bounded_across_branches(model, planner: TransferPlanner, workspace: WorkspaceSpec) -> None:
+    """The clock goes on a little at every look: the bound holds within a grasp's many branches and searches."""
+    looks = iter(range(10**9))
+    config = replace(planner.config, planning_time=1.0)
+    hurried = TransferPlanner(model, config, clock=lambda: next(looks) * 0.01)
+    wall = cube_points(Cube(0.45, -0.05, size=(0.4, 0.02, 0.2)))
+    cloud = seen_cloud(cube_points(Cube(0.45, 0.1, 0.3)), wall)
+    action = PickPlaceAction(PlanarPose(0.45, 0.1, 0.3), PlanarPose(0.45, -0.2, 0.3))
+    with pytest.raises(PlanningError, match=r"took too long \(at most 1 s\)"):
+        hurried.plan(action, cloud, workspace, READY_POSITIONS)
+    assert next(looks) < 200
+
+
 @pytest.mark.parametrize("primitive", [Primitive.SWEEP, Primitive.FOLD])
 def test_a_drag_follows_the_table(planner: TransferPlanner, workspace: WorkspaceSpec, primitive: Primitive) -> None:
     action = PickPlaceAction(PlanarPose(0.45, -0.1, 0.0), PlanarPose(0.5, 0.1, 0.5), primitive)

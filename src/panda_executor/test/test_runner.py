@@ -213,6 +213,25 @@ def test_execution_failed_for_every_status(bench: Bench, status: MotionStatus) -
     assert result.message == f"the arm's motion {status.value} during go_above_pick: no reason given"
 
 
+@pytest.mark.parametrize("number", [1, 3, 5])
+def test_nothing_follows_a_motion_that_was_not_seen_to_end(bench: Bench, number: int) -> None:
+    """A drop whose cancel was not confirmed: the fingers stay, and no other trajectory is sent."""
+
+    def lose(motion: int, share: float) -> None:
+        if motion == number == 3 and share > 0.5:
+            bench.gripper.lose_object()
+
+    bench.arm.on_step = lose
+    bench.arm.fail_at = number
+    bench.arm.failure = MotionResult(MotionStatus.CANCELLED, "the cancel was not confirmed", standing=False)
+    bench.arm.standing = number != 3
+    result = bench.run()
+    assert result.outcome is Outcome.EXECUTION_FAILED
+    assert "not seen to stand still" in result.message and "holds" not in result.message
+    assert len(bench.arm.sent) == number + 1
+    assert len(bench.gripper.moves) == {1: 1, 3: 2, 5: 3}[number]
+
+
 def test_execution_failed_when_the_gripper_fails(bench: Bench) -> None:
     bench.gripper.failure = GripperResult(math.nan, False, False, MotionStatus.UNAVAILABLE, "no action server")
     result = bench.run()
