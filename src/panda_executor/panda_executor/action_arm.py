@@ -98,5 +98,7 @@ class ActionArm:
         if end.result.error_code != FollowJointTrajectory.Result.SUCCESSFUL:
             # Some controllers end a goal well and say only here that it was not reached.
             status = MotionStatus.ABORTED if end.status is MotionStatus.SUCCEEDED else end.status
+            if end.result.error_code == FollowJointTrajectory.Result.GOAL_TOLERANCE_VIOLATED:
+                status = MotionStatus.OFF_GOAL
             return MotionResult(status, motion_message(end.result), standing)
         return MotionResult(end.status, end.result.error_string, standing)

@@ -6,6 +6,7 @@ import threading
 
 from cliport_core import topics
 from cliport_core.errors import ImageError
+from cliport_core.outcome import Refusal
 from cliport_core.raw_header import header_of_raw
 from panda_executor.errors import RequestError
 
@@ -57,20 +58,29 @@ class CloudCache:
         with self._lock:
             raw, stamp_ns = self._raw, self._stamp_ns
         if raw is None:
-            raise RequestError(f"no point cloud has arrived on {topics.POINTS}; is perception running?")
+            raise RequestError(
+                f"no point cloud has arrived on {topics.POINTS}; is perception running?", Refusal.NO_CLOUD
+            )
         age = (now_ns - stamp_ns) * 1e-9
         if age > self._max_age:
             raise RequestError(
-                f"the point cloud is {age:.1f} s old (at most {self._max_age:g} s); has the camera stopped?"
+                f"the point cloud is {age:.1f} s old (at most {self._max_age:g} s); has the camera stopped?",
+                Refusal.OLD_CLOUD,
+                age,
+                self._max_age,
             )
         if age < -self._max_ahead:
             raise RequestError(
                 f"the point cloud is {-age:.1f} s ahead of the clock (at most {self._max_ahead:g} s); "
-                "do camera and executor follow one clock?"
+                "do camera and executor follow one clock?",
+                Refusal.FUTURE_CLOUD,
+                -age,
+                self._max_ahead,
             )
         behind = (goal_stamp_ns - stamp_ns) * 1e-9
         if goal_stamp_ns and behind > self._behind:
-            raise RequestError(f"the point cloud is {behind:.1f} s older than the goal's observation")
+            words = f"the point cloud is {behind:.1f} s older than the goal's observation"
+            raise RequestError(words, Refusal.OLD_CLOUD, behind, self._behind)
         if stamp_ns < still_since_ns:
-            raise RequestError("the point cloud was taken while the arm still moved")
+            raise RequestError("the point cloud was taken while the arm still moved", Refusal.OLD_CLOUD)
         return raw

@@ -3,12 +3,25 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from enum import Enum
 
 from panda_executor.grasp import GraspConfig
 from panda_executor.placement import PlacementConfig
 from panda_executor.scene import SceneConfig
+from panda_executor.table_plane import TableConfig
 from panda_executor.timing import TimingConfig
 from panda_model import ArmModel, HandModel, JointLimits
+
+
+class AfterFailure(Enum):
+    """What the arm does once it stands still after a motion or the gripper failed.
+
+    STAY: nothing. KEEP: rise and go to the ready pose, with what it holds. OPEN: let go first.
+    """
+
+    STAY = "stay"
+    KEEP = "keep"
+    OPEN = "open"
 
 
 @dataclass(frozen=True)
@@ -52,14 +65,16 @@ class ExecutorConfig:
     approach_height: of the tcp above the higher of grasp and release [m]; clearance: added round the hand
     while it travels [m]; lean: angles at which the hand may lean outwards above an object close to the base
     [rad]; missed_width: fingers closer than this hold nothing [m]; grip_force, open_force [N];
-    start_tolerance [rad]; planning_time: a request that takes longer to plan is given up [s]; centre_grasp: whether
-    the middle of what is held goes to the place; else it ends as far from there as the pick was off.
+    start_tolerance: how far the arm may be measured from a motion's planned start [rad]; planning_time: a request
+    that takes longer to plan is given up [s]; centre_grasp: whether the middle of what is held goes to the place; else
+    it ends as far from there as the pick was off.
     """
 
     scene: SceneConfig = field(default_factory=SceneConfig)
     grasp: GraspConfig = field(default_factory=GraspConfig)
     placement: PlacementConfig = field(default_factory=PlacementConfig)
     timing: TimingConfig = field(default_factory=TimingConfig)
+    table: TableConfig = field(default_factory=TableConfig)
     search: SearchConfig = field(default_factory=SearchConfig)
     drag: DragConfig = field(default_factory=DragConfig)
     approach_height: float = 0.12
@@ -68,9 +83,10 @@ class ExecutorConfig:
     missed_width: float = 0.005
     grip_force: float = 20.0
     open_force: float = 20.0
-    start_tolerance: float = 0.03
+    start_tolerance: float = 0.08
     planning_time: float = 4.0
     centre_grasp: bool = True
+    after_failure: AfterFailure = AfterFailure.KEEP
 
     @classmethod
     def for_arm(cls, arm: ArmModel) -> ExecutorConfig:

@@ -99,9 +99,9 @@ def gripper_goal_to_msg(width: float, max_effort: float) -> GripperCommand.Goal:
     return goal
 
 
-def feedback_to_msg(phase: Phase, progress: float) -> PickPlace.Feedback:
-    """Return feedback with a phase, its name and the progress 0..1."""
-    return PickPlace.Feedback(phase=int(phase), phase_name=phase.name, progress=float(progress))
+def feedback_to_msg(phase: Phase, progress: float, plan_id: str = "") -> PickPlace.Feedback:
+    """Return feedback with a phase, its name, the progress 0..1, and the plan's id once there is one."""
+    return PickPlace.Feedback(phase=int(phase), phase_name=phase.name, progress=float(progress), plan_id=plan_id)
 
 
 def cloud_from_raw(raw: bytes, base_frame: str) -> npt.NDArray[np.float32]:

@@ -19,7 +19,7 @@ from panda_executor.ik import hand_down_pose, tilted
 from panda_executor.motions import Motion
 from panda_executor.phase import Phase
 from panda_executor.ports import ShouldStop
-from panda_executor.transfer import TransferPlanner, relevant_points
+from panda_executor.transfer import TransferPlanner
 from panda_model.limits import FloatArray
 
 _MAX_BRANCHES = 4  # of the inverse kinematics that are tried for one pose
@@ -70,7 +70,7 @@ def plan_drag(
     """
     action = broadside(action)
     budget = planner.budget(should_stop)
-    drag = _Drag(planner, action, relevant_points(cloud, workspace), workspace, start, budget)
+    drag = _Drag(planner, action, cloud, workspace, start, budget)
     reason = "no approach to the start of the line is free"
     for lean, flip in itertools.product(planner.config.lean, (0.0, math.pi)):
         try:

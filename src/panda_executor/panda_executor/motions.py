@@ -53,7 +53,7 @@ class MotionBuilder:
 
     def scene(self, grid: ObstacleGrid, hand: HandShape) -> Scene:
         """Return the surroundings with the given columns and hand."""
-        return Scene(self.model, grid, hand, self.config.scene.table_z)
+        return Scene(self.model, grid, hand, self.config.scene.table_z, self.config.scene)
 
     def travel(self, phase: Phase, start: FloatArray, goal: FloatArray, scene: Scene) -> Motion:
         """Plan a motion between configurations (7,) [rad], straight where that is free.

@@ -13,8 +13,7 @@ from rclpy.clock_type import ClockType
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
 from sensor_msgs.msg import CameraInfo, JointState, PointCloud2
-from std_msgs.msg import Empty
-from std_srvs.srv import Trigger
+from std_msgs.msg import Empty, String
 from tf2_msgs.msg import TFMessage
 
 from cliport_core import topics
@@ -23,8 +22,11 @@ from cliport_core.raw_header import header_of_raw
 from cliport_core.ros_action_server import ThreadedActionServer
 from cliport_interfaces.action import PickPlace
 from panda_executor import conversions
+from panda_executor.action_run import Cloud
+from panda_executor.approvals import Approvals
 from panda_executor.camera_place import CameraPlace
 from panda_executor.cloud_cache import CloudCache
+from panda_executor.errors import RequestError
 from panda_executor.gate import Gate
 from panda_executor.goal_session import GoalSession
 from panda_executor.health import assess
@@ -33,6 +35,8 @@ from panda_executor.joint_tracker import JointTracker
 from panda_executor.model import PandaModel
 from panda_executor.node_controllers import Controllers
 from panda_executor.node_parameters import NodeParameters, read_parameters
+from panda_executor.node_services import PersonServices
+from panda_executor.owner_watch import OwnerWatch
 from panda_executor.runner import PickPlaceRunner
 from panda_executor.transfer import TransferPlanner
 from panda_model.description import load_description
@@ -59,8 +63,11 @@ class ExecutorNode(Node):
         self._camera = CameraPlace(robot.base_frame)
         self._calls = ReentrantCallbackGroup()
         self._controllers = Controllers(self, parameters, self._joints, self.gate.note_motion, self._calls)
-        runner = self._make_runner(parameters)
-        self._session = GoalSession(runner, self._clouds, self._camera, parameters, self.gate, self._now_ns)
+        self._runner, self._base_frame = self._make_runner(parameters), robot.base_frame
+        self._owners, self._approvals = OwnerWatch(time.monotonic), Approvals(parameters.approval_time)
+        self._session = GoalSession(
+            self._runner, self._clouds, self._camera, parameters, self.gate, self._now_ns, self._owners, self._approvals
+        )
         self._subscribe()
         self._offer()
 
@@ -83,6 +90,7 @@ class ExecutorNode(Node):
         self.create_subscription(
             JointState, topics.JOINT_STATES, self._on_joints, qos_profile_sensor_data, callback_group=data
         )
+        self.create_subscription(String, topics.OWNER_HEARTBEAT, self._on_owner, 20, callback_group=data)
         latched = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self.create_subscription(TFMessage, topics.TF_STATIC, self._on_transforms, latched, callback_group=data)
         self.create_subscription(
@@ -93,8 +101,9 @@ class ExecutorNode(Node):
     def _offer(self) -> None:
         """Offer services, diagnostics, the heartbeat and, last, the action."""
         services = ReentrantCallbackGroup()
-        self.create_service(Trigger, topics.EXECUTOR_STOP, self._on_stop, callback_group=services)
-        self.create_service(Trigger, topics.EXECUTOR_RESUME, self._on_resume, callback_group=services)
+        PersonServices(
+            self, self.gate, self._runner, self._approvals, self._controllers.stop, self._newest_cloud, services
+        )
         self._diagnostics = self.create_publisher(DiagnosticArray, topics.DIAGNOSTICS, 10)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(1.0, self._report, callback_group=services, clock=steady)
@@ -110,6 +119,9 @@ class ExecutorNode(Node):
 
     def _on_joints(self, message: JointState) -> None:
         self._joints.update(message.name, message.position, stamp_from_msg(message.header.stamp))
+
+    def _on_owner(self, message: String) -> None:
+        self._owners.on_beat(str(message.data))
 
     def _on_transforms(self, message: TFMessage) -> None:
         for link in message.transforms:
@@ -136,16 +148,11 @@ class ExecutorNode(Node):
         finally:
             self.gate.leave()
 
-    def _on_stop(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        self.gate.latch("stopped on request")
-        self._controllers.stop()
-        response.success, response.message = True, f"stopped; goals are rejected until {topics.EXECUTOR_RESUME}"
-        return response
-
-    def _on_resume(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        self.gate.release()
-        response.success, response.message = True, "goals are accepted"
-        return response
+    def _newest_cloud(self) -> Cloud | None:
+        try:
+            return conversions.cloud_from_raw(self._clouds.get(self._now_ns(), 0, 0), self._base_frame)
+        except RequestError:
+            return None
 
     def _report(self) -> None:
         now_ns = self._now_ns()

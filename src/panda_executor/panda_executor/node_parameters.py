@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 class NodeParameters:
     """Values of the node's parameters; ages and waits in s.
 
+    require_approval: whether each plan waits for its approval, for at most approval_time.
+
     robot_description: the user's own URDF, as a path or as XML; empty: the preset's.
     """
 
@@ -31,6 +33,8 @@ class NodeParameters:
     cloud_behind: float
     cloud_wait: float
     max_ahead: float
+    require_approval: bool
+    approval_time: float
     watch: ArmWatch
 
 
@@ -65,6 +69,8 @@ def read_parameters(node: Node) -> NodeParameters:
         max_joint_age=float(get("max_joint_age", 0.5)),
         cloud_behind=float(get("cloud_behind", 0.0)),
         cloud_wait=float(get("cloud_wait", 3.0)),
+        require_approval=bool(get("require_approval", False)),
+        approval_time=_positive(get, "approval_time", 30.0),
         max_ahead=float(get("max_ahead", 0.25)),
         watch=_read_watch(get),
     )
@@ -72,13 +78,15 @@ def read_parameters(node: Node) -> NodeParameters:
 
 def _read_watch(get: Any) -> ArmWatch:
     watch = ArmWatch()
-    values = {
-        name: float(get(name, getattr(watch, name))) for name in ("path_tolerance", "goal_tolerance", "goal_time")
-    }
-    for name, value in values.items():
-        if not value > 0.0:
-            raise ExecutorError(f"{name} must be positive, got {value:g}")
-    return replace(watch, **values)
+    names = ("path_tolerance", "goal_tolerance", "goal_time")
+    return replace(watch, **{name: _positive(get, name, getattr(watch, name)) for name in names})
+
+
+def _positive(get: Any, name: str, default: float) -> float:
+    value = float(get(name, default))
+    if not value > 0.0:
+        raise ExecutorError(f"{name} must be positive, got {value:g}")
+    return value
 
 
 def _read_config(get: Any, robot: ArmModel) -> ExecutorConfig:
@@ -98,6 +106,7 @@ def _read_config(get: Any, robot: ArmModel) -> ExecutorConfig:
         config,
         timing=replace(config.timing, **timing),
         scene=scene,
+        table=replace(config.table, tolerance=_positive(get, "table_tolerance", config.table.tolerance)),
         grip_force=force,
         search=replace(config.search, seed=int(get("seed", config.search.seed))),
     )

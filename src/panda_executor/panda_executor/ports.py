@@ -18,6 +18,7 @@ class MotionStatus(Enum):
 
     SUCCEEDED = "succeeded"
     ABORTED = "aborted"
+    OFF_GOAL = "ended off its goal"
     REJECTED = "rejected"
     CANCELLED = "cancelled"
     TIMED_OUT = "timed out"

@@ -25,6 +25,7 @@ class FakeArm:
     positions: FloatArray = field(default_factory=lambda: load_preset().ready.copy())
     fail_at: int | None = None
     failure: MotionResult = _ABORTED
+    fail_share: float = 0.51
     on_step: Callable[[int, float], None] = lambda motion, share: None
     sent: list[JointTrajectory] = field(default_factory=list)
     standing: bool = True  # whether it is measured at rest once it was stopped
@@ -42,7 +43,7 @@ class FakeArm:
             self.on_step(number, share)
             if should_stop():
                 return MotionResult(MotionStatus.CANCELLED, "stopped", self.standing)
-            if number == self.fail_at and share > 0.5:
+            if number == self.fail_at and share >= self.fail_share:
                 return self.failure
             self.positions = np.array(positions)
         return MotionResult(MotionStatus.SUCCEEDED)

@@ -114,5 +114,14 @@ def test_joint_states_that_are_stamped_anew_stop_the_arm() -> None:
     assert not bench.joints.is_still(bench.now_ns)
 
 
+def test_an_end_off_the_goal_is_told_from_an_abort(monkeypatch: pytest.MonkeyPatch) -> None:
+    bench = Bench(following)
+    code = FollowJointTrajectory.Result.GOAL_TOLERANCE_VIOLATED
+    ended = ActionEnd(MotionStatus.ABORTED, FollowJointTrajectory.Result(error_code=code))
+    monkeypatch.setattr(bench, "call", lambda *_: ended)
+    bench.now_ns = 2 * S
+    assert bench.execute().status is MotionStatus.OFF_GOAL
+
+
 def test_an_arm_that_is_to_rest_may_do_so() -> None:
     assert Bench(lambda time: 0.0).execute(0.0).status is MotionStatus.SUCCEEDED

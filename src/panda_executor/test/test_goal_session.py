@@ -59,7 +59,8 @@ class Session:
         self.act: Callable[[Callable[[], bool]], Outcome] = lambda should_stop: Outcome.SUCCEEDED
         parameters = NodeParameters(
             load_preset("panda"), "", ExecutorConfig(), WorkspaceSpec(),
-            max_cloud_age=2.0, max_joint_age=0.5, cloud_behind=0.0, cloud_wait=0.0, max_ahead=0.25, watch=ArmWatch(),
+            max_cloud_age=2.0, max_joint_age=0.5, cloud_behind=0.0, cloud_wait=0.0, max_ahead=0.25,
+            require_approval=False, approval_time=30.0, watch=ArmWatch(),
         )  # fmt: skip
         camera = CameraPlace("panda_link0")
         camera.put("panda_link0", "camera", Pose.identity())
@@ -67,9 +68,12 @@ class Session:
         self.planner, self.camera_position = self, np.full(3, np.nan)
         self._session = GoalSession(self, self.clouds, camera, parameters, self.gate, lambda: int(self.now * S))  # type: ignore[arg-type]
 
-    def run(self, request: Any, cloud: Any, workspace: Any, on_phase: Any, should_stop: Any) -> ActionResult:
+    def run(
+        self, request: Any, cloud: Any, workspace: Any, on_phase: Any, should_stop: Any, approve: Any
+    ) -> ActionResult:
         """The runner."""
         cloud()
+        approve()
         return ActionResult(self.act(should_stop), "the runner's words")
 
     def place_camera(self, position: Any) -> None:

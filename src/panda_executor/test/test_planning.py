@@ -13,6 +13,7 @@ from synthetic_clouds import Bowl, Cube, cloud_of, container_points, cube_points
 from cliport_core.action import PickPlaceAction, Primitive
 from cliport_core.pose import PlanarPose
 from cliport_core.workspace import WorkspaceSpec
+from panda_executor.budget import Budget
 from panda_executor.config import SearchConfig
 from panda_executor.drag import plan_drag
 from panda_executor.errors import GraspError, PlanningError
@@ -280,29 +281,36 @@ class StopsAfter:
         return self.left < 0
 
 
-@pytest.mark.parametrize("looks", [1, 5, 20, 200])
-def test_planning_looks_at_stop_all_the_time(planner: TransferPlanner, workspace: WorkspaceSpec, looks: int) -> None:
-    """Within a search, too: a wall stands between pick and place."""
-    wall = cube_points(Cube(0.45, -0.05, size=(0.4, 0.02, 0.2)))
-    cloud = seen_cloud(cube_points(Cube(0.45, 0.1, 0.3)), wall)
+@pytest.mark.parametrize("looks", [1, 4, 8])
+def test_planning_looks_at_stop_all_the_time(
+    planner: TransferPlanner, workspace: WorkspaceSpec, table_cloud: np.ndarray, looks: int
+) -> None:
     stop = StopsAfter(looks)
-    action = PickPlaceAction(PlanarPose(0.45, 0.1, 0.3), PlanarPose(0.45, -0.2, 0.3))
+    action = PickPlaceAction(PlanarPose(0.45, 0.1, 0.3), PlanarPose(0.5, -0.2, 0.3))
     with pytest.raises(PlanningError, match="planning was stopped"):
-        planner.plan(action, cloud, workspace, READY_POSITIONS, should_stop=stop)
-    assert stop.after < 200, "it went on for long"
+        planner.plan(action, table_cloud, workspace, READY_POSITIONS, should_stop=stop)
+    assert stop.after < 10, "it went on for long"
+
+
+@pytest.mark.parametrize("looks", [2, 30, 300])
+def test_a_search_looks_at_stop_all_the_time(planner: TransferPlanner, walled: Scene, looks: int) -> None:
+    start, goal = (above(planner, 0.5, y, 0.08) for y in (-0.2, 0.2))
+    stop = StopsAfter(looks)
+    with pytest.raises(PlanningError, match="planning was stopped"):
+        find_path(walled, start, goal, SearchConfig(time_limit=60.0), budget=Budget(should_stop=stop))
+    assert stop.after < 50, "it went on for long"
 
 
 def test_planning_is_bounded_across_branches(model, planner: TransferPlanner, workspace: WorkspaceSpec) -> None:
     """The clock goes on a little at every look: the bound holds within a grasp's many branches and searches."""
     looks = iter(range(10**9))
-    config = replace(planner.config, planning_time=1.0)
+    config = replace(planner.config, planning_time=0.2)
     hurried = TransferPlanner(model, config, clock=lambda: next(looks) * 0.01)
-    wall = cube_points(Cube(0.45, -0.05, size=(0.4, 0.02, 0.2)))
-    cloud = seen_cloud(cube_points(Cube(0.45, 0.1, 0.3)), wall)
-    action = PickPlaceAction(PlanarPose(0.45, 0.1, 0.3), PlanarPose(0.45, -0.2, 0.3))
-    with pytest.raises(PlanningError, match=r"took too long \(at most 1 s\)"):
-        hurried.plan(action, cloud, workspace, READY_POSITIONS)
-    assert next(looks) < 200
+    towers = [cube_points(Cube(0.45, y, size=(0.3, 0.02, 0.15))) for y in (-0.03, 0.03)]
+    action = PickPlaceAction(PlanarPose(0.45, 0.2, 0.3), PlanarPose(0.45, -0.2, 0.3))
+    with pytest.raises(PlanningError, match=r"took too long \(at most 0.2 s\)"):
+        hurried.plan(action, seen_cloud(cube_points(Cube(0.45, 0.2, 0.3)), *towers), workspace, READY_POSITIONS)
+    assert next(looks) < 60
 
 
 @pytest.mark.parametrize("primitive", [Primitive.SWEEP, Primitive.FOLD])
