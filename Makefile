@@ -2,7 +2,7 @@
 
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help setup ready build demo test soak bench mutants lint clean
+.PHONY: help setup ready ready-for-tests build demo test soak bench mutants lint clean
 MAKEFLAGS += --no-print-directory
 
 # What a person says may hold quotes and dollars: it goes through the environment, unread by make and the shell.
@@ -30,6 +30,9 @@ setup:
 ready:
 	@tools/setup --when-needed
 
+ready-for-tests:
+	@tools/setup --when-needed --tests
+
 build:
 	@tools/build
 
@@ -37,10 +40,10 @@ demo: ready
 	@. ./env.sh && exec python -m cliport_benchmark.demo $${DEMO_TASK:+--task "$$DEMO_TASK"} $${DEMO_SEED:+--seed "$$DEMO_SEED"} \
 		$${DEMO_INSTRUCTION:+--instruction "$$DEMO_INSTRUCTION"} $${DEMO_CHECKPOINT:+--checkpoint "$$DEMO_CHECKPOINT"}
 
-test: ready
-	@. ./env.sh && exec python -m pytest $(PYTEST_ARGS)
+test: ready-for-tests
+	@. ./env.sh && exec python -m pytest -n 2 --dist loadgroup --no-loadscope-reorder $(PYTEST_ARGS)
 
-soak: ready
+soak: ready-for-tests
 	@. ./env.sh && exec python -m pytest -m soak $(PYTEST_ARGS)
 
 bench: ready

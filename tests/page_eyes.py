@@ -14,7 +14,7 @@ _WIDTH = 960  # of the picture that these lengths are for
 _RUN_UP = 34.0  # behind the farthest small block, where the closed hand has room
 _NEAR = 26.0  # part of a rope by which its direction is seen
 _BOX = 9.0  # half a box around a point
-_PULL = 75.0  # by which a rope's end is drawn out of the heap
+_GOLDEN = math.pi * (3.0 - math.sqrt(5.0))  # multiples of this angle point everywhere soon
 
 
 @dataclass(frozen=True)
@@ -66,17 +66,21 @@ def sweep(picture: NDArray[np.uint8]) -> tuple[Blob, Blob]:
     return Blob.around(farthest - scale * _RUN_UP * forth, scale * _BOX), Blob.around(square, scale * _BOX)
 
 
-def fold(picture: NDArray[np.uint8]) -> tuple[Blob, Blob]:
-    """An end of the red rope, its angle that of the jaws across it, and where it goes: straight out of the heap."""
-    red = _points(picture, "red")
+def fold(picture: NDArray[np.uint8], turn: int = 0) -> tuple[Blob, Blob]:
+    """A part of the red rope that sticks out, its angle that of the jaws across it, and the middle of the green square.
+
+    turn: 0 for what sticks out farthest, other numbers for what does in other directions.
+    """
+    red, square = _points(picture, "red"), _middle(picture, "green")
     scale = picture.shape[1] / _WIDTH
-    middle = red.mean(axis=0)
-    end = red[np.argmax(np.linalg.norm(red - middle, axis=1))]
+    off = red - red.mean(axis=0)
+    out = off[np.argmax(np.linalg.norm(off, axis=1))]
+    angle = math.atan2(out[1], out[0]) + turn * _GOLDEN
+    end = red[np.argmax(off @ np.array([math.cos(angle), math.sin(angle)]))]
     near = red[np.linalg.norm(red - end, axis=1) < scale * _NEAR]
     along = np.linalg.svd(near - near.mean(axis=0), full_matrices=False)[2][0]
     across = math.atan2(along[1], along[0]) + math.pi / 2
-    goal = end + scale * _PULL * (end - middle) / np.linalg.norm(end - middle)
-    return Blob.around(near.mean(axis=0), scale * _BOX, across), Blob.around(goal, scale * _BOX)
+    return Blob.around(near.mean(axis=0), scale * _BOX, across), Blob.around(square, scale * _BOX)
 
 
 def distance(picture: NDArray[np.uint8], color: str, point: tuple[float, float]) -> float:

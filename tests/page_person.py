@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import argparse
 import base64
-import itertools
 import math
 import os
 import shutil
@@ -51,7 +50,8 @@ BROWSER_ARGUMENTS = (
 expect.set_options(timeout=20_000)
 SUCCEEDED = 0
 DATA_SET = "by-hand"
-_TRIES = 8
+_TRIES = 8  # of a click that the page refuses
+_ATTEMPTS = 8  # of a step that the arm does not carry through
 _REFUSAL = "#answer[data-ok=false]"  # its words may stand elsewhere on the page
 
 
@@ -95,6 +95,10 @@ class Person:
         except TimeoutError:
             raise AssertionError(f"the page is not {state}; it says: {words.text_content()}") from None
 
+    def is_free(self) -> None:
+        """Wait until nothing is under way, whether it was well or badly that the last thing ended."""
+        self.page.locator("#state:is([data-state=ready], [data-state=failed])").wait_for(timeout=60_000)
+
     def picture(self) -> NDArray[np.uint8]:
         """What the live view shows: (H, W, 3) RGB."""
         url = self.page.evaluate("document.getElementById('live').toDataURL('image/png')")
@@ -113,21 +117,35 @@ class Person:
         self.step(loose[0], empty[0], picture.shape, margins=(4, 0))
 
     def sweep_or_fold(self, primitive: str) -> None:
-        """One step of another primitive: "sweep", "fold"."""
+        """One step of another primitive: "sweep", "fold"; once more in the scene that is left where the arm failed."""
         button = self.page.locator(f"#primitive [data-primitive={primitive}]")
         button.click()
         expect(button).to_have_attribute("aria-pressed", "true")
-        picture = self.picture()
-        start, end = eyes.sweep(picture) if primitive == "sweep" else eyes.fold(picture)
-        self.step(start, end, picture.shape, margins=(0, 0))
+        for attempt in range(_ATTEMPTS):
+            picture = self.picture()
+            start, end = eyes.sweep(picture) if primitive == "sweep" else eyes.fold(picture, attempt)
+            if not self.draw_and_preview(start, end, picture.shape, margins=(0, 0)):
+                continue
+            self.act()
+            said = self.page.locator("#steps li").last.text_content() or ""
+            if said.endswith("succeeded"):
+                return
+            print(f"{primitive}: {said}", flush=True)
 
     def step(self, start: Blob, end: Blob, shape: tuple[int, ...], margins: tuple[float, float]) -> None:
         """Draw both boxes, turn the fingers until the arm can do it, and let it."""
-        before = self.steps()
+        assert self.draw_and_preview(start, end, shape, margins), self.page.locator("#answer").text_content()
+        self.act()
+
+    def draw_and_preview(self, start: Blob, end: Blob, shape: tuple[int, ...], margins: tuple[float, float]) -> bool:
+        """Draw both boxes, turn the fingers along either side of the thing; whether the arm can do it."""
         self._until(lambda: self.draws("pick", start, shape, margins[0]))
         self._until(lambda: self.draws("place", end, shape, margins[1]))
-        turns = itertools.cycle((0.0, math.pi / 2))  # along either side of the thing
-        self._until(lambda: self.can(start, shape, start.angle + next(turns)))
+        return any(self.can(start, shape, start.angle + turn) for turn in 2 * (0.0, math.pi / 2))
+
+    def act(self) -> None:
+        """Let the arm do what was drawn, to its end."""
+        before = self.steps()
         self.remember("previewed")
         self._until(self.executes)
         if self.album:
@@ -135,12 +153,12 @@ class Person:
             time.sleep(2.0)
             self.remember("executing")
         expect(self.page.locator("#steps li")).to_have_count(before + 1, timeout=120_000)
-        self.sees("ready")
+        self.is_free()
 
     def can(self, blob: Blob, shape: tuple[int, ...], angle: float) -> bool:
         """Turn the fingers, and ask whether the arm can do what is drawn."""
         self.turn(blob, shape, angle)
-        self.sees("ready")
+        self.is_free()
         self.page.locator("#preview").click()
         return self._answered("#plan:not([hidden])") and "✓" in (self.page.locator("#plan").text_content() or "")
 
@@ -193,7 +211,7 @@ class Person:
     def _until(self, act: Callable[[], bool]) -> None:
         """Try again what the page refuses: now and then a picture is too old, or a direction is no good."""
         for _ in range(_TRIES):
-            self.sees("ready")
+            self.is_free()
             if act():
                 return
         raise AssertionError(f"refused {_TRIES} times; the page says: {self.page.locator('#answer').text_content()}")
@@ -265,7 +283,7 @@ def lay_out(person: Person, client: GraphClient, seed: int) -> int:
 
 
 def sweep_or_fold(person: Person, client: GraphClient, primitive: str, seed: int) -> tuple[float, float]:
-    """An episode of one step of "sweep" or "fold", in a new scene; the scores before and after."""
+    """An episode of "sweep" or "fold", in a new scene; the scores before and after."""
     task, sentence = OTHERS[primitive]
     client.reset(task, "test", seed)
     time.sleep(1.5)  # the picture of the new scene

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import queue
 import re
 import shutil
 import signal
 import subprocess
+import threading
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 ROS2 = shutil.which("ros2") or str(Path(__file__).parents[1] / "tools/ros2/bin/ros2")
@@ -13,27 +16,25 @@ TIMEOUT = 60.0  # s, for what takes 1 or 2 where nothing else runs
 
 
 def ros2(environment: dict[str, str], *arguments: str) -> subprocess.CompletedProcess[str]:
-    """Run a command, once more where it hangs: Fast DDS now and then sends a subscriber nothing that takes the port of
-    one which has just ended."""
+    """Run a command to its end."""
+    return subprocess.run(
+        [ROS2, *arguments],
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=TIMEOUT,
+        stdin=subprocess.DEVNULL,
+    )
 
-    def run(timeout: float) -> subprocess.CompletedProcess[str]:
-        return subprocess.run(
-            [ROS2, *arguments],
-            env=environment,
-            capture_output=True,
-            text=True,
-            timeout=timeout,
-            stdin=subprocess.DEVNULL,
-        )
 
-    try:
-        return run(TIMEOUT / 3)
-    except subprocess.TimeoutExpired:
-        return run(TIMEOUT)
+def ros2_each(environment: dict[str, str], *commands: list[str]) -> list[subprocess.CompletedProcess[str]]:
+    """Run commands side by side: most of a command's time is waiting for the graph."""
+    with ThreadPoolExecutor(len(commands)) as pool:
+        return list(pool.map(lambda command: ros2(environment, *command), commands))
 
 
 class Background:
-    """A process that is read while it runs."""
+    """A process that is read while it runs: one that nobody reads stops when the pipe is full."""
 
     def __init__(self, environment: dict[str, str], *command: str) -> None:
         self.process = subprocess.Popen(
@@ -44,15 +45,18 @@ class Background:
             text=True,
             stdin=subprocess.DEVNULL,
         )
+        self._lines: queue.Queue[str | None] = queue.Queue()
+        self._reader = threading.Thread(target=self._read, daemon=True)
+        self._reader.start()
         self.output = ""
 
     def read_until(self, pattern: str) -> str:
-        """Read on until a line matches; a process that says nothing more fails the test by its time-out."""
-        assert self.process.stdout is not None
-        for line in self.process.stdout:
+        """Return the next line that matches; a process that ends or says nothing more fails the test."""
+        while (line := self._lines.get(timeout=TIMEOUT)) is not None:
             self.output += line
             if re.search(pattern, line):
                 return line
+        self._lines.put(None)
         raise AssertionError(f"ended without {pattern!r}:\n{self.output}")
 
     def end(self, number: int = signal.SIGINT) -> int:
@@ -60,9 +64,17 @@ class Background:
         if self.process.poll() is None:
             self.process.send_signal(number)
         try:
-            rest, _ = self.process.communicate(timeout=TIMEOUT)
+            status = self.process.wait(timeout=TIMEOUT)
         except subprocess.TimeoutExpired:
             self.process.kill()
             raise
-        self.output += rest
-        return self.process.returncode
+        self._reader.join(TIMEOUT)
+        while not self._lines.empty():
+            self.output += self._lines.get() or ""
+        return status
+
+    def _read(self) -> None:
+        assert self.process.stdout is not None
+        for line in self.process.stdout:
+            self._lines.put(line)
+        self._lines.put(None)

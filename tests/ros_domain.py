@@ -5,13 +5,18 @@ import os
 
 os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
 
-# 0 to 101 leave the ports alone that the system gives to clients. Processes start far apart in the cycle.
+# 0 to 101 leave the ports alone that the system gives to clients. Workers of one run take turns at them; processes of
+# other runs start far apart in the cycle.
 _LAST = 101
-_domains = itertools.cycle(range(1, _LAST + 1))
-for _ in range(os.getpid() * 37 % _LAST):
+_WORKER = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw"))
+_WORKERS = int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))
+_OWN = range(1 + _WORKER, _LAST + 1, _WORKERS)
+_RUN = os.getppid() if _WORKERS > 1 else os.getpid()
+_domains = itertools.cycle(_OWN)
+for _ in range(_RUN * 37 % len(_OWN)):
     next(_domains)
 
 
 def next_domain() -> int:
-    """A ROS_DOMAIN_ID that this process has not used for a hundred calls."""
+    """Return a ROS_DOMAIN_ID that no other worker uses and this one has not used for many calls."""
     return next(_domains)

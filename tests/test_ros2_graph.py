@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 from ros2_graph_process import topic_names
-from ros2_process import ROS2, TIMEOUT, Background, ros2
+from ros2_process import ROS2, TIMEOUT, Background, ros2, ros2_each
 from ros_domain import next_domain
 
 GRAPH = str(Path(__file__).with_name("ros2_graph_process.py"))
@@ -106,12 +106,15 @@ def test_a_process_that_does_not_answer_is_told_of():
 
 
 def test_topic_info(publishing):
-    info = ros2(publishing, "topic", "info", "/p1/talk")
+    info, verbose, unknown = ros2_each(
+        publishing,
+        ["topic", "info", "/p1/talk"],
+        ["topic", "info", "-v", "/p2/hear"],
+        ["topic", "info", "/none"],
+    )
     assert info.stdout == "Type: std_msgs/msg/String\nPublisher count: 1\nSubscription count: 0\n"
-    verbose = ros2(publishing, "topic", "info", "-v", "/p2/hear").stdout
-    assert "Publisher count: 0\n\nSubscription count: 1\n\nNode name: n0\nNode namespace: /p2\n" in verbose
-    assert "Reliability: RELIABLE" in verbose
-    unknown = ros2(publishing, "topic", "info", "/none")
+    assert "Publisher count: 0\n\nSubscription count: 1\n\nNode name: n0\nNode namespace: /p2\n" in verbose.stdout
+    assert "Reliability: RELIABLE" in verbose.stdout
     assert (unknown.returncode, unknown.stdout, unknown.stderr) == (1, "", "Unknown topic '/none'\n")
 
 
@@ -131,8 +134,9 @@ def test_echo_hears_best_effort_publishers_also_when_they_come_later(publishing)
 
 def test_node_list(publishing):
     names = [f"/p{process}/n{number}" for process in range(PROCESSES) for number in range(2)]
-    assert ros2(publishing, "node", "list").stdout.splitlines() == names
-    assert ros2(publishing, "node", "list", "-c").stdout == f"{len(names)}\n"
+    listed, count = ros2_each(publishing, ["node", "list"], ["node", "list", "-c"])
+    assert listed.stdout.splitlines() == names
+    assert count.stdout == f"{len(names)}\n"
     everything = ros2(publishing, "node", "list", "--all").stdout.splitlines()
     assert [name for name in everything if not name.startswith("/_ros2cli")] == names
     assert len(everything) == len(names) + 1
@@ -143,27 +147,31 @@ def test_node_list(publishing):
 
 def test_param_list(publishing):
     own = ["count", "label", "motor.speed", "names", "on", "start_type_description_service", "use_sim_time"]
-    listed = ros2(publishing, "param", "list", "/p0/n0")
+    listed, typed, prefixed, everything = ros2_each(
+        publishing,
+        ["param", "list", "/p0/n0"],
+        ["param", "list", "p0/n0", "--param-type", "--filter", "^(m|n)"],
+        ["param", "list", "/p0/n0", "--param-prefixes", "motor"],
+        ["param", "list"],
+    )
     assert listed.stdout.splitlines() == [f"  {name}" for name in own]
-    typed = ros2(publishing, "param", "list", "p0/n0", "--param-type", "--filter", "^(m|n)").stdout
-    assert typed == "  motor.speed (type: double)\n  names (type: string array)\n"
-    prefixed = ros2(publishing, "param", "list", "/p0/n0", "--param-prefixes", "motor").stdout
-    assert prefixed == "  motor.speed\n"
-    everything = ros2(publishing, "param", "list").stdout.splitlines()
-    assert [line for line in everything if not line.startswith(" ")] == [
+    assert typed.stdout == "  motor.speed (type: double)\n  names (type: string array)\n"
+    assert prefixed.stdout == "  motor.speed\n"
+    assert [line for line in everything.stdout.splitlines() if not line.startswith(" ")] == [
         f"/p{process}/n{number}:" for process in range(PROCESSES) for number in range(2)
     ]
 
 
 def test_param_get_and_set(publishing):
-    for name, line in {
+    lines = {
         "motor.speed": "Double value is: 0.5",
         "label": "String value is: fast",
         "count": "Integer value is: 3",
         "on": "Boolean value is: True",
         "names": "String values are: ['a', 'b']",
-    }.items():
-        assert ros2(publishing, "param", "get", "/p1/n0", name).stdout == line + "\n"
+    }
+    got = ros2_each(publishing, *(["param", "get", "/p1/n0", name] for name in lines))
+    assert [one.stdout for one in got] == [line + "\n" for line in lines.values()]
     done = ros2(publishing, "param", "set", "/p1/n0", "count", "8")
     assert (done.returncode, done.stdout) == (0, "Set parameter successful\n")
     assert ros2(publishing, "param", "get", "/p1/n0", "count", "--hide-type").stdout == "8\n"
@@ -173,14 +181,14 @@ def test_param_get_and_set(publishing):
 
 
 def test_param_of_what_is_not_there(publishing):
-    for arguments, message in [
+    cases = [
         (["get", "/p1/n0", "nothing"], "Parameter not set"),
         (["get", "/p1/n9", "count"], "Node not found"),
         (["set", "/p1/n9", "count", "1"], "Node not found"),
         (["list", "/p1/n9"], "Node not found"),
         (["list", "--filter", "["], "'[' is no regular expression: unterminated character set at position 0"),
-    ]:
-        wrong = ros2(publishing, "param", *arguments)
+    ]
+    for (_, message), wrong in zip(cases, ros2_each(publishing, *(["param", *arguments] for arguments, _ in cases))):
         assert (wrong.returncode, wrong.stdout, wrong.stderr) == (1, "", message + "\n")
 
 
@@ -189,15 +197,22 @@ def test_param_of_what_is_not_there(publishing):
 
 def test_action_list_and_info(acting):
     environment, _ = acting
-    assert ros2(environment, "action", "list").stdout == "/pick_place\n"
-    assert ros2(environment, "action", "list", "-t").stdout == "/pick_place [cliport_interfaces/action/PickPlace]\n"
-    assert ros2(environment, "action", "list", "-c").stdout == "1\n"
-    info = ros2(environment, "action", "info", "/pick_place", "-t").stdout
-    assert info == (
+    listed, typed, count, info, info_count = ros2_each(
+        environment,
+        ["action", "list"],
+        ["action", "list", "-t"],
+        ["action", "list", "-c"],
+        ["action", "info", "/pick_place", "-t"],
+        ["action", "info", "/pick_place", "-c"],
+    )
+    assert listed.stdout == "/pick_place\n"
+    assert typed.stdout == "/pick_place [cliport_interfaces/action/PickPlace]\n"
+    assert count.stdout == "1\n"
+    assert info.stdout == (
         "Action: /pick_place\nAction clients: 0\nAction servers: 1\n"
         "    /arm/server [cliport_interfaces/action/PickPlace]\n"
     )
-    assert ros2(environment, "action", "info", "/pick_place", "-c").stdout.endswith("clients: 0\nAction servers: 1\n")
+    assert info_count.stdout.endswith("clients: 0\nAction servers: 1\n")
 
 
 def test_action_send_goal(acting):

@@ -1,11 +1,14 @@
 # Functions of tools/setup: the interpreter, the virtual environment, the packages and the workspace's digest.
 
-# Prints major.minor of an interpreter when it is one that this project runs on.
+# Which Pythons this project runs on: torch has none for 3.10, OMPL none for 3.14.
+supported="3.11, 3.12 or 3.13"
+
+# Prints major.minor of an interpreter; fails when it is not one of these.
 supported_version() {
     "$1" -c 'import sys
 v = sys.version_info
 print(f"{v[0]}.{v[1]}")
-sys.exit(not (3, 10) <= v[:2] <= (3, 14))' 2>/dev/null
+sys.exit(not (3, 11) <= v[:2] <= (3, 13))' 2>/dev/null
 }
 
 # Headers and ensurepip: Debian leaves both to packages of their own.
@@ -16,23 +19,35 @@ sys.exit(not pathlib.Path(sysconfig.get_path("include"), "Python.h").is_file())'
 
 # Prints the interpreter to use: PYTHON when given, the one that ROS was built for, else the first complete one.
 find_python() {
-    local candidate first= found
+    local candidate first= found others=
     if [ -n "${PYTHON:-}" ]; then
         set -- "$PYTHON"
     elif [ "$ros" = system ]; then
         set -- /usr/bin/python3
     else
-        set -- python3 /usr/bin/python3 /usr/local/bin/python3 python3.12 python3.11 python3.13 python3.10 python3.14
+        set -- python3 /usr/bin/python3 /usr/local/bin/python3 python3.12 python3.11 python3.13
     fi
     for candidate in "$@"; do
         found=$(command -v "$candidate") || continue
-        supported_version "$found" >/dev/null || continue
+        supported_version "$found" >/dev/null || { others+=" $found is $("$found" -V 2>&1 | head -1 | cut -c1-40);"; continue; }
         complete_python "$found" && { echo "$found"; return 0; }
         [ -n "$first" ] || first=$found
     done
     [ -n "$first" ] && { echo "$first"; return 0; }
-    echo "error: no Python 3.10 to 3.14 found (looked for: $*): install python3 or name one with PYTHON=/path/to/python3" >&2
+    echo "error: Python $supported is needed;${others:- none of $* is there;} install one or name it with PYTHON=/path/to/python3" >&2
     return 1
+}
+
+# Rewrites what names the folder in which .venv was made, after the checkout was moved.
+repair_moved_venv() {
+    local from=$1 file
+    for file in "$venv"/bin/*; do
+        [ -f "$file" ] && [ ! -L "$file" ] && head -c 2 "$file" | grep -q '#!' || continue
+        sed -i "1s|^#!$from/|#!$root/|" "$file"
+    done
+    sed -i "s|$from/.venv|$venv|g" "$venv"/bin/activate* "$venv/pyvenv.cfg" 2>/dev/null || true
+    rm -rf build install log
+    rm -f "$stamps/underlay" "$stamps/build"
 }
 
 # Whether .venv can be built on: its interpreter and pip run, and it sees the system's packages if and only if it should.

@@ -16,7 +16,7 @@ missing_system_packages() {
     need_command cmake cmake
     need_command make make
     # The page's tests; Ubuntu has it as a snap only, and they are skipped where it is not.
-    if grep -qx ID=debian /etc/os-release 2>/dev/null; then need_command chromium chromium; fi
+    if [ -n "$for_tests" ] && grep -qx ID=debian /etc/os-release 2>/dev/null; then need_command chromium chromium; fi
     if [ "$ros" = system ]; then need_command colcon python3-colcon-common-extensions; fi
     if [ ! -x "$venv/bin/python" ]; then
         python=$(find_python 2>/dev/null) || missing+=(python3)
@@ -25,16 +25,29 @@ missing_system_packages() {
     echo "${missing[*]-}"
 }
 
+# Installs packages. Where that is not allowed it says so in one line and leaves them in $lacking.
 install_system_packages() {
-    local as_root=()
+    local as_root=() proxies=() name
+    for name in http_proxy https_proxy no_proxy all_proxy HTTP_PROXY HTTPS_PROXY NO_PROXY ALL_PROXY; do
+        [ -z "${!name:-}" ] || proxies+=("$name=${!name}")
+    done
     if [ "$(id -u)" != 0 ]; then
-        if command -v sudo >/dev/null && sudo -n true 2>/dev/null; then
-            as_root=(sudo -n env DEBIAN_FRONTEND=noninteractive)
+        if ! command -v sudo >/dev/null; then
+            lacking="$*"
+        elif sudo -n true 2>/dev/null; then
+            as_root=(sudo -n)
+        elif [ -t 0 ] && [ -t 2 ]; then
+            as_root=(sudo)
         else
-            fail "system packages are missing; ask an administrator for: apt-get install $*"
+            lacking="$*"
         fi
     fi
     command -v apt-get >/dev/null || fail "system packages are missing and there is no apt-get: install what Debian calls $*"
+    if [ -n "$lacking" ]; then
+        echo "    not installed, as this user may not: an administrator does it with: apt-get install -y $lacking" >&2
+        return 0
+    fi
+    [ ${#as_root[@]} = 0 ] || as_root+=(env "DEBIAN_FRONTEND=noninteractive" ${proxies[@]+"${proxies[@]}"})
     mkdir -p "$stamps"
     retry ${as_root[@]+"${as_root[@]}"} apt-get -q update </dev/null >"$stamps/apt.log" 2>&1 || fail "apt-get update failed: see .setup/apt.log"
     retry ${as_root[@]+"${as_root[@]}"} apt-get -q -o DPkg::Lock::Timeout=300 install -y --no-install-recommends "$@" </dev/null >>"$stamps/apt.log" 2>&1 ||

@@ -1,10 +1,12 @@
+from xml.etree import ElementTree
+
 from setuptools import setup
 
 package_name = "cliport_example_task"
 
 setup(
     name=package_name,
-    version="0.1.0",
+    version=ElementTree.parse("package.xml").findtext("version"),
     packages=[package_name],
     package_data={package_name: ["py.typed"]},
     data_files=[

@@ -1,4 +1,5 @@
 from glob import glob
+from xml.etree import ElementTree
 
 from setuptools import setup
 
@@ -6,7 +7,7 @@ package_name = "cliport_bringup"
 
 setup(
     name=package_name,
-    version="0.1.0",
+    version=ElementTree.parse("package.xml").findtext("version"),
     packages=[],
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/" + package_name]),

@@ -1,4 +1,4 @@
-"""Who decides in an evaluation: the expert, one without words, who both know the scene, or a policy, who sees it."""
+"""Agents that an evaluation asks: the expert and the blind agent, who both know the scene, or a policy, who sees it."""
 
 from __future__ import annotations
 
@@ -33,48 +33,48 @@ class Agent(Protocol):
 
 
 class ExpertAgent:
-    """Asks the task."""
+    """Agent that asks the task for its expert's action."""
 
     def new_scene(self, task: Task, world: SimWorld, rng: np.random.Generator) -> None:
-        """See Agent."""
+        """Forget nothing: the task knows its scene."""
 
     def decide(self, task: Task, observation: Heightmap, instruction: str) -> Answer:
-        """See Agent."""
+        """Return the expert's action, without a probability."""
         return task.expert_action(), None
 
 
 class BlindAgent:
-    """Moves things as well as the expert, but does not hear the sentence (docs/benchmark.md, "Chance")."""
+    """Agent that moves things as well as the expert, but does not hear the sentence (docs/benchmark.md, "Chance")."""
 
     def __init__(self) -> None:
         self._chooser: BlindChooser | None = None
 
     def new_scene(self, task: Task, world: SimWorld, rng: np.random.Generator) -> None:
-        """See Agent."""
+        """Begin to choose in a new scene; rng draws the choices."""
         self._chooser = BlindChooser(task, world, rng)
 
     def decide(self, task: Task, observation: Heightmap, instruction: str) -> Answer:
-        """See Agent."""
+        """Return the next action that looks right without the sentence."""
         return (self._chooser.action() if self._chooser else None), None
 
 
 class PolicyAgent:
-    """Asks a trained policy, which gets the observation and the sentence and nothing else."""
+    """Agent that asks a trained policy, which gets the observation and the sentence and nothing else."""
 
     def __init__(self, policy: Policy) -> None:
         self.policy = policy
 
     def new_scene(self, task: Task, world: SimWorld, rng: np.random.Generator) -> None:
-        """See Agent."""
+        """Forget nothing: a policy remembers no scene."""
 
     def decide(self, task: Task, observation: Heightmap, instruction: str) -> Answer:
-        """See Agent."""
+        """Return the policy's action and how likely it holds the goal reached."""
         inference = self.policy.infer(observation, instruction)
         return inference.action, inference.done_probability
 
 
 def load_agent(checkpoint: str) -> Agent:
-    """The expert, the one without words, or the policy of a path, a shipped name or `default`.
+    """Load an agent: the expert, the blind one, or the policy of a path, a shipped name or `default`.
 
     Raises:
         OptionError: when the checkpoint cannot be used.

@@ -62,7 +62,7 @@ class ArmHand:
             come_to_rest(self._world)
 
     def execute(self, action: PickPlaceAction, frame: RgbdFrame) -> ActionResult:
-        """Do it, with the frame's cloud for grasp height and obstacles, and let the world settle."""
+        """Execute an action, with the frame's cloud for grasp height and obstacles, and let the world settle."""
         drags = action.primitive is not Primitive.PICK_PLACE
         result = self._runner.run(
             ActionGoal(action),
@@ -83,13 +83,13 @@ class ArmHand:
         return result
 
     def _rest_behind(self, phase: Phase, progress: float) -> None:
-        """What was swept or laid down costs nothing while the arm goes away."""
+        """Let things that were swept or laid down sleep, so that they cost nothing while the arm goes away."""
         if phase is Phase.RETREAT:
             sleep_where_still(self._world)
 
 
 def _executor_config() -> ExecutorConfig:
-    """The executor's own, but bounded by checks alone: how fast the machine is must not change a score.
+    """Return the executor's settings, bounded by checks alone: how fast the machine is must not change a score.
 
     A camera that stands a little elsewhere than calibrated is part of some scenes: the table's height is not judged.
     """
@@ -100,7 +100,7 @@ def _executor_config() -> ExecutorConfig:
 
 
 def _ignore(phase: Phase, progress: float) -> None:
-    """Feedback nobody asked for."""
+    """Take feedback that nobody asked for."""
 
 
 def _never() -> bool:

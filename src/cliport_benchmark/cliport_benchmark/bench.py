@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import json
 import sys
 import tempfile
@@ -18,6 +17,7 @@ import numpy as np
 
 from cliport_benchmark.errors import BenchmarkError
 from cliport_benchmark.provenance import machine
+from cliport_core.command_line import CommandParser
 
 TASK = "put-blocks-in-bowls-seen-colors"
 PACKAGES = ("torch", "numpy", "opencv-python-headless", "open3d", "pybullet", "ompl", "pin")
@@ -36,7 +36,7 @@ class Row:
 
 
 def timed(name: str, call: Callable[[], object], n: int, warmup: int = 3) -> Row:
-    """Milliseconds of wall time a call."""
+    """Time calls of a function; return milliseconds of wall time a call."""
     for _ in range(warmup):
         call()
     samples = []
@@ -48,11 +48,12 @@ def timed(name: str, call: Callable[[], object], n: int, warmup: int = 3) -> Row
 
 
 def row(name: str, samples: list[float], unit: str) -> Row:
+    """Return a row with median, least and largest of the samples."""
     return Row(name, round(median(samples), 2), round(min(samples), 2), round(max(samples), 2), unit, len(samples))
 
 
 def bench_camera_and_action() -> list[Row]:
-    """Rendering frames, projecting one, and one action of the shipped policy with 36 rotations.
+    """Time rendering frames, projecting one, and one action of the shipped policy with 36 rotations.
 
     render_*: one window of the image on one thread, as data is generated, of a scene that stays and of ever new looks.
     """
@@ -94,7 +95,7 @@ def bench_camera_and_action() -> list[Row]:
 
 
 def bench_planning() -> list[Row]:
-    """All motions of one pick and place, planned from the ready pose in scenes of the task."""
+    """Time planning all motions of one pick and place, from the ready pose in scenes of the task."""
     from cliport_benchmark.observer import Observer
     from cliport_core import PickPlaceAction
     from panda_executor.model import PandaModel
@@ -121,7 +122,7 @@ def bench_planning() -> list[Row]:
 
 
 def bench_training() -> Iterator[Row]:
-    """A sample of training the compact network, data and all, and of the loader alone, on rendered scenes.
+    """Time a sample of training the compact network, data and all, and of the loader alone, on rendered scenes.
 
     train_sample_compact: as training is by default, 4 of the place's 36 rotations and 12 of the rotator's in a sample's
     softmax; train_sample_compact_all: all 36 of both.
@@ -154,12 +155,12 @@ def bench_training() -> Iterator[Row]:
 
 
 def _ms_between(ends: list[float], size: int) -> list[float]:
-    """Milliseconds a sample, of so many that ended at each of these seconds."""
+    """Return milliseconds a sample, when `size` samples ended at each of these seconds."""
     return [1000 * (b - a) / size for a, b in pairwise(ends)]
 
 
 def bench_first_motion(n: int = 5) -> list[Row]:
-    """From publishing an instruction to the arm's first motion, in the running graph."""
+    """Time from publishing an instruction to the arm's first motion, in the running graph."""
     from cliport_benchmark.graph_client import GraphClient
     from cliport_benchmark.graph_process import GraphProcess
 
@@ -181,7 +182,7 @@ def bench_first_motion(n: int = 5) -> list[Row]:
 
 
 def bench_generation() -> Iterator[Row]:
-    """Episodes a minute of the fast generator, and how many times the public implementation's that is."""
+    """Measure episodes a minute of the fast generator, and how many times the public implementation's that is."""
     from cliport_benchmark.bench_generation import PUBLIC_SECONDS, episodes_a_minute
 
     for task, seconds in PUBLIC_SECONDS.items():
@@ -191,7 +192,7 @@ def bench_generation() -> Iterator[Row]:
 
 
 def bench_inference() -> Iterator[Row]:
-    """Memory of a process that acts, and what each trick takes beside the plain computation."""
+    """Measure the memory of a process that acts, and each trick beside the plain computation."""
     from cliport_benchmark.bench_inference import footprint, tricks
 
     found = footprint("default")
@@ -203,7 +204,7 @@ def bench_inference() -> Iterator[Row]:
 
 
 def bench_paper_size() -> Iterator[Row]:
-    """The `cliport` network at full size with random weights: one action, and the memory of its process."""
+    """Measure the `cliport` network at full size with random weights: one action, and the memory of its process."""
     from cliport_benchmark.bench_inference import paper_size_footprint
 
     found = paper_size_footprint()
@@ -214,7 +215,7 @@ def bench_paper_size() -> Iterator[Row]:
 
 
 def bench_page() -> Iterator[Row]:
-    """The demonstration page on the running graph: the age of its picture, its share of a core, whether it leaks."""
+    """Measure the demonstration page on the running graph: the age of its picture, its share of a core, and leaks."""
     from cliport_benchmark.bench_page import page_figures
 
     found = page_figures(TASK)
@@ -239,12 +240,13 @@ ON_REQUEST = ("paper_size", "generation")  # minutes each: not part of `make ben
 
 
 def versions() -> dict[str, str]:
-    """Of the packages that the figures depend on."""
+    """Return the versions of the packages that the figures depend on."""
     return {name: metadata.version(name) for name in PACKAGES}
 
 
 def main(argv: list[str] | None = None) -> int:
-    parser = argparse.ArgumentParser(prog="bench", description="Time the pieces on this machine.")
+    """Run the benchmarks; return 0 when all of them ran."""
+    parser = CommandParser(prog="bench", description="Time the pieces on this machine.")
     parser.add_argument("--group", choices=sorted(BENCHES), help=f"one instead of all but {', '.join(ON_REQUEST)}")
     parser.add_argument("--out", default="out/bench.json")
     args = parser.parse_args(argv)

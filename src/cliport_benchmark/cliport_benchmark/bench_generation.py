@@ -1,4 +1,4 @@
-"""How fast demonstrations are made without the arm, beside the public implementation's generator."""
+"""Speed of making demonstrations without the arm, beside the public implementation's generator."""
 
 from __future__ import annotations
 
@@ -29,7 +29,8 @@ _PARTS = 3  # of each process
 
 
 def episodes_a_minute(task: str) -> list[float]:
-    """All cores at work, from several parts: scenes, observations, PNG and Parquet included."""
+    """Measure episodes a minute with all cores at work, from several parts:
+    scenes, observations, PNG and Parquet included."""
     processes = os.cpu_count() or 1
     n_parts = _PARTS * processes
     config = GenerateConfig(task, "train", 0, _EPISODES * n_parts, episodes_per_part=_EPISODES)

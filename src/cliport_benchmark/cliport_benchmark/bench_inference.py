@@ -1,4 +1,4 @@
-"""What acting takes: memory of the process, an action of the network at the paper's size, and what tricks save."""
+"""Cost of acting: memory of the process, an action of the network at the paper's size, and what tricks save."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ print(json.dumps({"loading": loading, "actions": actions[2:], **sizes()}))
 
 
 def footprint(checkpoint: str, models: Path | None = None, actions: int = 8) -> dict[str, list[float]]:
-    """Of a process that loads a checkpoint and acts, the ROS part (25 MB) left out.
+    """Measure a process that loads a checkpoint and acts, without its ROS part (25 MB).
 
     loading [s], actions [ms] after a warm-up of two, resident and highest [MB].
     """
@@ -52,7 +52,7 @@ def footprint(checkpoint: str, models: Path | None = None, actions: int = 8) -> 
 
 
 def paper_size_footprint() -> dict[str, list[float]]:
-    """Of `cliport` at full size, with random weights: 1.3 GB of files in a temporary folder."""
+    """Measure `cliport` at full size, with random weights: 1.3 GB of files in a temporary folder."""
     from cliport_policy.encoders.files import CLIP_FILE, FOLDER_VARIABLE
 
     with tempfile.TemporaryDirectory() as name:
@@ -70,7 +70,7 @@ def paper_size_footprint() -> dict[str, list[float]]:
 
 
 def _write_random_clip(path: Path) -> None:
-    """A file with the tensors of OpenAI's RN50.pt that are read."""
+    """Write a file with the tensors of OpenAI's RN50.pt that are read."""
     import torch
 
     from cliport_policy.encoders.clip_modules import ClipResNet, ClipText
@@ -97,10 +97,10 @@ def _write_random_cliport(path: Path) -> None:
 
 
 def tricks() -> Iterator[tuple[str, Callable[[], object]]]:
-    """Each trick and the plain computation it replaces, at the paper's sizes; the tests hold them equal.
+    """Yield each trick and the plain computation it replaces, at the paper's sizes; the tests hold them equal.
 
-    Of the correlation: in the frequency domain and a few rotations at a time, all at a time, as a convolution.
-    Of the fusion of laterals: as two convolutions, and as one of the joined maps.
+    The correlation is done in the frequency domain and a few rotations at a time, all at a time, and as a convolution;
+    the fusion of laterals as two convolutions, and as one of the joined maps.
     """
     import torch
     from torch.nn import functional as F

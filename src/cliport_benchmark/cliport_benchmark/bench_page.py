@@ -32,13 +32,13 @@ from cliport_core.ros_running import SpinThread
 
 WIDTH = 960  # of the camera's picture and of the page's [pixels]
 _READY_S = 120.0
-_HEARD_S = 10.0  # until /clock is heard
-_FIRST = 5  # pictures that are not counted: they lay ready before they were asked for
-_REST_S, _LOOKS = 3.0, 30  # in which memory comes to rest, and is looked at
+_CLOCK_TIMEOUT_S = 10.0  # wait for /clock at most
+_N_WARM_UP = 5  # pictures that lay ready before they were asked for, and are not counted
+_REST_S, _N_READINGS = 3.0, 30  # time in which memory comes to rest, and readings in it
 
 
 def page_figures(task: str, pictures: int = 200, loads: int = 1000, warm_up: int = 100) -> dict[str, list[float]]:
-    """Of the page's process in the simulator's graph, at real time, with one page open.
+    """Measure the page's process in the simulator's graph, at real time, with one page open.
 
     latency [ms]: of each picture, see `_latencies`. cores: its processor time over wall time meanwhile.
     growth [MB]: of its memory over so many page loads whose websocket is dropped without a close, after a warm-up,
@@ -71,7 +71,7 @@ def _figures(task: str, pictures: int, loads: int, warm_up: int) -> dict[str, li
 
 
 class _SimulatedTime:
-    """When, by this machine's clock, simulated time was what: /clock, and when the simulator wrote it."""
+    """Relation of simulated time to this machine's clock: /clock, and when the simulator wrote it."""
 
     def __init__(self) -> None:
         self._said: list[tuple[int, int]] = []  # simulated time, time of writing [ns]
@@ -80,7 +80,7 @@ class _SimulatedTime:
         self._node = rclpy.create_node("bench_page", context=self._context)
         self._node.create_subscription(Clock, topics.CLOCK, self._take, 100)  # type: ignore[arg-type]
         self._spinner = SpinThread(self._node, lambda _: None, self._context)
-        deadline = time.monotonic() + _HEARD_S
+        deadline = time.monotonic() + _CLOCK_TIMEOUT_S
         while not self._said and time.monotonic() < deadline:
             time.sleep(0.05)
 
@@ -90,7 +90,7 @@ class _SimulatedTime:
         self._context.try_shutdown()
 
     def written(self, stamps_ns: list[int]) -> list[float]:
-        """By this machine's clock [ns], in between what was heard."""
+        """Return when a simulated time was written, by this machine's clock [ns], interpolated between messages."""
         simulated, wall = np.array(self._said, dtype=np.float64).reshape(-1, 2).T
         if not len(simulated) or min(stamps_ns) < simulated[0] or max(stamps_ns) > simulated[-1]:
             raise BenchmarkError("/clock was not heard for the time of all pictures: is the simulator running?")
@@ -101,7 +101,8 @@ class _SimulatedTime:
 
 
 def _latencies(page: PageProcess, n: int) -> list[float]:
-    """From the camera's stamp to decoded pixels, of n pictures that are fetched one by one as the page does [ms].
+    """Measure the time from the camera's stamp to decoded pixels, of n pictures
+    that are fetched one by one as the page does [ms].
 
     The stamp is simulated time. That is turned into this machine's by the times at which the simulator wrote /clock
     (50 Hz, in between by proportion): so a simulation that falls behind real time does not count. Exact to the 5 ms
@@ -118,10 +119,10 @@ def _latencies(page: PageProcess, n: int) -> list[float]:
 
 
 def _pictures(page: PageProcess, n: int) -> Iterator[tuple[int, int]]:
-    """Stamp and arrival of each [ns], after the first few; see live.js."""
+    """Return stamp and arrival of each picture [ns], after the first few; see live.js."""
     connection = HTTPConnection("127.0.0.1", page.port, timeout=10)
     after, known = "0", ""
-    count = -_FIRST
+    count = -_N_WARM_UP
     while count < n:
         connection.request("GET", f"/picture/color.jpg?after={after}&width={WIDTH}{known}")
         answer = connection.getresponse()
@@ -147,7 +148,7 @@ def _pictures(page: PageProcess, n: int) -> Iterator[tuple[int, int]]:
 
 
 def _growth(page: PageProcess, loads: int, warm_up: int) -> list[float]:
-    """Of the memory over page loads, and over as many again: only what leaks grows there, too [MB]."""
+    """Measure the growth of memory over page loads, and over as many again: only what leaks grows there, too [MB]."""
     files = _files(page)
     held, first = [], 0
     for last in (warm_up, warm_up + loads, warm_up + 2 * loads):
@@ -159,7 +160,7 @@ def _growth(page: PageProcess, loads: int, warm_up: int) -> list[float]:
 
 
 def _files(page: PageProcess) -> list[str]:
-    """What a browser asks for: the page, what it names, and what its scripts import."""
+    """Return the files that a browser asks for: the page, what it names, and what its scripts import."""
     files = ["/"]
     for path in files:  # which grows
         text = _get(page, path).decode(errors="replace")
@@ -171,7 +172,7 @@ def _files(page: PageProcess) -> list[str]:
 
 
 def _load_and_drop(page: PageProcess, files: list[str], number: int) -> None:
-    """As a browser whose connection breaks: no websocket is closed, the next picture is never read."""
+    """Load the page as a browser whose connection breaks: no websocket is closed, the next picture is never read."""
     for path in files:
         _get(page, path)
     picture = HTTPConnection("127.0.0.1", page.port, timeout=10)
@@ -195,10 +196,10 @@ def _get(page: PageProcess, path: str) -> bytes:
 
 
 def _resting_mb(page: PageProcess) -> float:
-    """The least that it holds in some seconds: pictures come and go."""
+    """Return the least memory that the process holds in some seconds: pictures come and go [MB]."""
     found = []
-    for _ in range(_LOOKS):
-        time.sleep(_REST_S / _LOOKS)
+    for _ in range(_N_READINGS):
+        time.sleep(_REST_S / _N_READINGS)
         found.append(page.resident_mb())
     return min(found)
 
@@ -209,7 +210,7 @@ def _open_page(page: PageProcess, name: str) -> ClientConnection:
 
 
 def _wait_ready(session: ClientConnection, graph: GraphProcess) -> None:
-    """Until the page has a picture to act on. Raises BenchmarkError."""
+    """Wait until the page has a picture to act on. Raises BenchmarkError."""
     deadline, words = time.monotonic() + _READY_S, ""
     while time.monotonic() < deadline and graph.healthy:
         view = json.loads(session.recv(timeout=5)).get("view", {})

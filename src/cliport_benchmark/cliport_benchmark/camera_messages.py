@@ -1,4 +1,4 @@
-"""What the simulated camera and arm say, as messages of a bag, without ROS."""
+"""Messages of the simulated camera and arm, as a bag holds them, made without ROS."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _LATENCY_NS = 40_000_000
 def observation_messages(
     frame: RgbdFrame, camera: CameraModel, camera_in_base: Pose, state: ArmState, stamp_ns: int
 ) -> list[RawMessage]:
-    """Everything that an observation is made of, with one stamp [ns].
+    """Return all messages that an observation is made of, with one stamp [ns].
 
     The images are received a little later than the rest, so that a replay has that when they come.
     """

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import sys
 from collections.abc import Sequence
 from dataclasses import replace
@@ -11,6 +10,7 @@ from typing import Any
 
 from cliport_benchmark.errors import BenchmarkError, OptionError
 from cliport_benchmark.json_files import read_json
+from cliport_core.command_line import CommandParser
 from cliport_policy.checkpoint import load_card, resolve_checkpoint, weights_sha256, write_json
 from cliport_policy.errors import PolicyError
 
@@ -37,8 +37,8 @@ def write_scores(checkpoint: str, results: Sequence[Path]) -> Path:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Entry point; 0 when the card was written, 1 on an error."""
-    parser = argparse.ArgumentParser(prog="card_scores", description="Write scores of evaluate into a card.")
+    """Run the command; return 0 when the card was written, 1 on an error."""
+    parser = CommandParser(prog="card_scores", description="Write scores of evaluate into a card.")
     parser.add_argument("--checkpoint", required=True, help="path or name of a shipped one")
     parser.add_argument("results", type=Path, nargs="+", help="JSON files of evaluate")
     options = parser.parse_args(arguments)

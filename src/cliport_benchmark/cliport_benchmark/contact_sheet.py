@@ -14,12 +14,12 @@ Picture = npt.NDArray[np.uint8]
 _PAPER, _INK, _FAINT = (250, 250, 248), (24, 24, 28), (110, 110, 118)
 _MARGIN = 10  # pixels around a captioned picture
 _TITLE, _SENTENCE = 22, 21  # sizes of type, pixels
-_LINE = 1.25  # of lines, in sizes of type
+_LINE = 1.25  # height of a line, in sizes of type
 
 
 @dataclass(frozen=True, eq=False)
 class Captioned:
-    """picture: (H, W, 3) RGB."""
+    """Picture (H, W, 3) RGB with its texts."""
 
     title: str
     picture: Picture
@@ -27,7 +27,7 @@ class Captioned:
 
 
 def contact_sheet(pictures: Sequence[Captioned], columns: int) -> Picture:
-    """All pictures, of one size, in rows of that many: (H, W, 3) RGB."""
+    """Join pictures of one size in rows of that many, (H, W, 3) RGB."""
     lines = max(len(wrapped(p.sentence, p.picture.shape[1])) for p in pictures)
     cells = [captioned(picture, lines) for picture in pictures]
     height, width, _ = cells[0].shape
@@ -40,7 +40,7 @@ def contact_sheet(pictures: Sequence[Captioned], columns: int) -> Picture:
 
 
 def captioned(what: Captioned, lines: int) -> Picture:
-    """One picture with its title, and its sentence in room for that many lines."""
+    """Return one picture with its title, and its sentence on so many lines."""
     height, width, _ = what.picture.shape
     above, below = round(_LINE * _TITLE), round(_LINE * _SENTENCE * lines) + _MARGIN
     cell = Image.new("RGB", (width + 2 * _MARGIN, height + above + below + 2 * _MARGIN), _PAPER)
@@ -54,7 +54,7 @@ def captioned(what: Captioned, lines: int) -> Picture:
 
 
 def wrapped(sentence: str, width: int) -> list[str]:
-    """The sentence in lines that are at most that many pixels wide, broken between words."""
+    """Split the sentence into lines that are at most that many pixels wide, broken between words."""
     font, lines = ImageFont.load_default(_SENTENCE), [""]
     for word in sentence.split():
         longer = f"{lines[-1]} {word}".strip()

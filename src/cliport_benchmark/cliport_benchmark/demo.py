@@ -14,6 +14,7 @@ from PIL import Image
 from cliport_benchmark.errors import BenchmarkError
 from cliport_benchmark.graph_client import OVERLAYS, Ended, GraphClient
 from cliport_benchmark.graph_process import GraphProcess
+from cliport_core.command_line import CommandParser
 from cliport_core.errors import InstructionError
 from cliport_core.instruction import normalized_instruction
 from cliport_interfaces.msg import PolicyStatus
@@ -33,12 +34,14 @@ class Film:
         self._last = -np.inf
 
     def take(self, frame: NDArray[np.uint8]) -> None:
+        """Keep a frame if the interval has passed since the last one."""
         now = time.monotonic()
         if now - self._last >= GIF_EVERY_S:
             self._last = now
             self._frames.append(Image.fromarray(frame).resize(GIF_SIZE).quantize(128))
 
     def save(self, path: Path) -> None:
+        """Write the GIF; no file when there are no frames."""
         if self._frames:
             self._frames[0].save(
                 path,
@@ -50,6 +53,7 @@ class Film:
 
 
 def main(argv: list[str] | None = None) -> int:
+    """Run the demo; return 0 when the task was done."""
     args = _parser().parse_args(argv)
     out = Path(args.out)
     start = time.monotonic()
@@ -75,7 +79,7 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="demo", description="Watch the graph do what a sentence says.")
+    parser = CommandParser(prog="demo", description="Watch the graph do what a sentence says.")
     parser.add_argument("--task", default="put-blocks-in-bowls-seen-colors")
     parser.add_argument("--seed", type=int, default=3)
     parser.add_argument("--instruction", default="", type=_instruction)
@@ -116,7 +120,7 @@ def _run(args: argparse.Namespace, out: Path) -> tuple[float, Ended]:
 
 
 def _set_scene(client: GraphClient, args: argparse.Namespace) -> str:
-    """Lay out the seed's scene, made for the instruction where one is given; what to tell the robot."""
+    """Make the seed's scene, for the instruction if one is given, and return the sentence for the robot."""
     if not args.instruction:
         return client.reset(args.task, "test", args.seed)
     try:

@@ -60,7 +60,7 @@ class Episode:
 
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> Episode:
-        """The inverse of dataclasses.asdict, also after JSON made lists of the tuples."""
+        """Return the episode that dataclasses.asdict made a dict of, also after JSON made lists of the tuples."""
         actions = [Step(**{**a, "pick": tuple(a["pick"]), "place": tuple(a["place"])}) for a in values["actions"]]
         return cls(**{**values, "actions": tuple(actions)})
 

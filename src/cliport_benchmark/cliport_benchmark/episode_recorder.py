@@ -21,7 +21,7 @@ class Hand(Protocol):
     """Carries out actions, with the arm or without."""
 
     def execute(self, action: PickPlaceAction, frame: RgbdFrame) -> object:
-        """Do it and let the world settle."""
+        """Execute an action and let the world settle."""
 
 
 def record_episode(
@@ -34,7 +34,7 @@ def record_episode(
     episode: int,
     seed: int,
 ) -> list[Row] | None:
-    """The rows of an episode; where the task was done the last one shows that, under the sentence said last.
+    """Record the rows of an episode; where the task was done the last one shows that, under the sentence said last.
 
     rng draws which further goals of each scene are asked for, at most `goals_per_scene` in all.
     None when the expert scored no more than KEPT_ABOVE, or would have to act outside the workspace.
@@ -66,7 +66,8 @@ def record_episode(
 
 
 def _other_demos(task: Task, said: str, rng: np.random.Generator, at_most: int, workspace: WorkspaceSpec) -> list[Demo]:
-    """What the expert would do for other goals of the same scene than the one `said`, where the task has them."""
+    """Return the expert's demonstrations for other goals of the same scene
+    than the one `said`, where the task has them."""
     if at_most < 1 or not task.several_goals:
         return []
     goals = [goal for goal in task.goals_in_scene() if goal.sentence != said]
@@ -75,7 +76,7 @@ def _other_demos(task: Task, said: str, rng: np.random.Generator, at_most: int, 
 
 
 def _demo(sentence: str, action: PickPlaceAction | None, primitive: Primitive, workspace: WorkspaceSpec) -> Demo:
-    """Raises PixelOutsideError when the action leaves the workspace."""
+    """Return an action as a demonstration. Raises PixelOutsideError when it leaves the workspace."""
     if action is None:
         return Demo(sentence, done=True, primitive=primitive.label)
     return Demo.of_action(sentence, action.primitive, action.pick, action.pick_yaw_period, action.place, workspace)

@@ -31,7 +31,7 @@ from sim_bridge.world import SimWorld
 
 @dataclass(frozen=True)
 class EvaluateConfig:
-    """What to evaluate. exact_offset: a thing that is picked off its middle is placed as far off.
+    """Settings of an evaluation. exact_offset: a thing that is picked off its middle is placed as far off.
 
     Raises:
         OptionError: on numbers that make no evaluation, or a wording for a task that has none.
@@ -59,7 +59,7 @@ class EvaluateConfig:
 
     @property
     def is_reworded(self) -> bool:
-        """Whether other sentences than the task's own are said."""
+        """True if other sentences than the task's own are said."""
         return self.wording != Wording()
 
     @property
@@ -68,7 +68,7 @@ class EvaluateConfig:
         return range(self.first_seed, self.first_seed + self.episodes)
 
     def settings(self) -> dict[str, Any]:
-        """What results must agree in to be of one evaluation; how many episodes it has may grow.
+        """Return the settings in which results must agree to be of one evaluation; the number of its episodes may grow.
 
         Raises:
             CheckpointError: when there is no such checkpoint.
@@ -104,7 +104,7 @@ class Evaluator:
         self.hand = ArmHand(self.world, self.observer, exact_offset=config.exact_offset)
 
     def run(self, seed: int) -> Outcome:
-        """What came of the scene of a seed."""
+        """Run the scene of a seed and return its outcome."""
         try:
             task = reset_scene(self.world, self.config.task, self.config.split, seed)
             self.config.variation.add_to(self.world, task, seed)
@@ -127,7 +127,7 @@ def evaluate(
     on_outcome: Callable[[Outcome], None],
     cluster: RayCluster | None = None,
 ) -> list[Outcome]:
-    """The outcomes in the order of their seeds: those in the journal, and the others, which join it.
+    """Return the outcomes in the order of their seeds: those in the journal, and the others, which join it.
 
     on_outcome hears of each new one. cluster: where the scenes are spread over so many processes, instead of here.
 
@@ -170,7 +170,7 @@ def _set_up(config: EvaluateConfig) -> None:
 
 
 def _run(seed: int) -> Outcome | str:
-    """An outcome, or why there is none: errors cross processes as text."""
+    """Return an outcome, or the reason why there is none: errors cross processes as text."""
     if not isinstance(_evaluator, Evaluator):
         return _evaluator or "the worker was not set up"
     try:

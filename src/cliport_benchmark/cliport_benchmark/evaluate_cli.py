@@ -21,6 +21,7 @@ from cliport_benchmark.ray_cluster import RayCluster, join_cluster
 from cliport_benchmark.summary import summary
 from cliport_benchmark.task_names import task_names
 from cliport_benchmark.wording import Wording, load_patterns, load_synonyms
+from cliport_core.command_line import CommandParser
 from cliport_core.source_state import source_state
 from cliport_policy.errors import PolicyError
 from sim_bridge.errors import SimBridgeError
@@ -28,7 +29,7 @@ from sim_bridge.tasks import make_task
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Entry point; 0 when results were written, 1 on an error, 2 on a wrong command line."""
+    """Run the command; return 0 when results were written, 1 on an error, 2 on a wrong command line."""
     argv = sys.argv[1:] if arguments is None else arguments
     options = _parser().parse_args(argv)
     try:
@@ -46,7 +47,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _prepared(options: argparse.Namespace) -> list[tuple[EvaluateConfig, Journal]]:
-    """Every evaluation that is asked for and not complete yet; better refused now than after an hour."""
+    """Return every evaluation that is asked for and not complete yet; better refused now than after an hour."""
     if options.processes < 1:
         raise OptionError(f"--processes must be 1 or more, got {options.processes}")
     names = task_names(options.task)
@@ -85,7 +86,7 @@ def _config(options: argparse.Namespace, task: str) -> EvaluateConfig:
 
 
 def _is_complete(out: Path, config: EvaluateConfig, settings: dict[str, Any]) -> bool:
-    """Whether the results in a folder's file are those that are asked for.
+    """Return True if the results in a folder's file are those that are asked for.
 
     Raises:
         DataFolderError: when they are of another evaluation.
@@ -155,7 +156,7 @@ class _Progress:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="evaluate", description="Score a policy or the expert.")
+    parser = CommandParser(prog="evaluate", description="Score a policy or the expert.")
     parser.add_argument(
         "--checkpoint",
         required=True,

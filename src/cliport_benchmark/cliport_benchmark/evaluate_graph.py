@@ -15,6 +15,7 @@ from cliport_benchmark.graph_process import GraphProcess
 from cliport_benchmark.json_files import write_json
 from cliport_benchmark.policy_facts import policy_facts
 from cliport_benchmark.provenance import command_line, machine
+from cliport_core.command_line import CommandParser
 from cliport_core.source_state import source_state
 from cliport_policy.errors import PolicyError
 
@@ -23,7 +24,7 @@ GOAL_TIMEOUT = 240.0
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Entry point; 0 when results were written, 1 on an error."""
+    """Run the command; return 0 when results were written, 1 on an error."""
     argv = sys.argv[1:] if arguments is None else arguments
     options = _parser().parse_args(argv)
     try:
@@ -86,7 +87,7 @@ def _run(options: argparse.Namespace) -> list[dict[str, Any]]:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="evaluate_graph", description="Score a policy through the ROS graph.")
+    parser = CommandParser(prog="evaluate_graph", description="Score a policy through the ROS graph.")
     parser.add_argument("--checkpoint", default="default", help="path, name of a shipped one, or default")
     parser.add_argument("--task", default="put-blocks-in-bowls-seen-colors")
     parser.add_argument("--split", default="test", choices=("train", "val", "test"))

@@ -28,7 +28,7 @@ _SCORES = ("mean_score", "chance", "n_episodes", "discarded", "object_set", "com
 
 @dataclass(frozen=True)
 class Experiment:
-    """What is learned from how much, and what it is scored on.
+    """Settings of a training from so much data, and of the tasks that it is scored on.
 
     config: a network's name or YAML file; settings: changes to it, as train's --set takes them. keep_steps: the
     steps whose checkpoints compete on val. also_test: tasks beside its own that the chosen one is scored on.
@@ -78,7 +78,7 @@ class Experiment:
 
     @property
     def score_options(self) -> list[str]:
-        """What evaluate takes beside task, split and checkpoint."""
+        """Options of evaluate beside task, split and checkpoint."""
         return [*self.setup_options, *_randomized(self.randomize_scores)]
 
     @property
@@ -88,7 +88,7 @@ class Experiment:
 
     @property
     def folder(self) -> Path:
-        """Where it lies within the folder of all experiments."""
+        """Folder of the experiment within that of all experiments."""
         return Path(self.task) / self.method / f"{self.n_demos}-demos"
 
 
@@ -113,7 +113,8 @@ def train_experiment(experiment: Experiment, out: Path, data: Path, say: Callabl
 def run_experiment(
     experiment: Experiment, out: Path, data: Path, evaluate_options: Sequence[str], say: Callable[[str], None]
 ) -> Path:
-    """Do what is left of an experiment; the path of its result. data: demonstrations, as make_data leaves them.
+    """Run what is left of an experiment and return the path of its result.
+    data: demonstrations, as make_data leaves them.
 
     evaluate_options: how evaluate spreads its scenes, `--processes 2` say.
 
@@ -162,7 +163,7 @@ def run_experiment(
 
 
 def choose(steps: Sequence[int], scores: Sequence[float]) -> int:
-    """The step whose checkpoint scores highest on val; of several, the first."""
+    """Return the step whose checkpoint scores highest on val; of several, the first."""
     return steps[max(range(len(steps)), key=lambda i: scores[i])]
 
 
@@ -175,7 +176,7 @@ def make_data(
     setup_options: Sequence[str] = (),
     randomize: str | None = None,
 ) -> Path:
-    """The folder with at least so many training demonstrations of a task, made unless it is there.
+    """Return the folder with at least so many training demonstrations of a task, made unless it is there.
 
     setup_options: Experiment's; randomize: what varies, as generate takes it.
     """
@@ -186,8 +187,16 @@ def make_data(
     _run(
         "cliport_benchmark.generate_cli",
         [
-            *("--task", task, "--split", "train", "--episodes", str(whole), "--processes", str(processes)),
-            *(*setup_options, *_randomized(randomize)),
+            "--task",
+            task,
+            "--split",
+            "train",
+            "--episodes",
+            str(whole),
+            "--processes",
+            str(processes),
+            *setup_options,
+            *_randomized(randomize),
         ],
         folder,
         say,
@@ -215,7 +224,7 @@ def _randomized(aspects: str | None) -> list[str]:
 
 
 class _Scoring(NamedTuple):
-    """What is scored on what."""
+    """A checkpoint and the task that it is scored on."""
 
     task: str
     split: str

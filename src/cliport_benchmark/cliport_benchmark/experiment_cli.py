@@ -16,12 +16,13 @@ from cliport_benchmark.own_setup import add_setup_options
 from cliport_benchmark.ray_cluster import RayCluster, join_cluster
 from cliport_benchmark.sweep import run_here, run_on_ray
 from cliport_benchmark.task_names import task_names
+from cliport_core.command_line import CommandParser
 from cliport_policy.errors import PolicyError
 from sim_bridge.errors import SimBridgeError
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Entry point; 0 when all experiments are done, 1 when one failed, 2 on a wrong command line."""
+    """Run the command; return 0 when all experiments are done, 1 when one failed, 2 on a wrong command line."""
     options = _parser().parse_args(arguments)
     try:
         if options.processes < 1 or options.jobs < 1:
@@ -43,7 +44,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _run(experiments: Sequence[Experiment], options: argparse.Namespace, cluster: RayCluster | None) -> list[str]:
-    """What went wrong, a line each."""
+    """Run experiments and return what went wrong, a line each."""
     most = {e.task: max(x.n_demos for x in experiments if x.task == e.task) for e in experiments}
     one = experiments[0]  # set-up and variation are the same in all
     data = {
@@ -94,7 +95,7 @@ def _say(line: str) -> None:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = CommandParser(
         prog="experiment",
         description="Generate demonstrations, train, choose a checkpoint on val, score it on test; continued if begun.",
     )

@@ -21,7 +21,7 @@ from cliport_benchmark.paper_scores import (
     paper_row,
 )
 
-_OTHER_OBJECTS = "own-"  # how a set of everyday objects begins that the paper has not
+_OTHER_OBJECTS = "own-"  # prefix of sets of everyday objects that the paper does not have
 _UNSEEN = "unseen-colors"
 
 
@@ -61,7 +61,7 @@ class TestScore:
 
 
 def write_report(out: Path) -> list[Path]:
-    """experiments.json, experiments.md and experiments.png of all experiments that a folder holds.
+    """Write experiments.json, experiments.md and experiments.png of all experiments that a folder holds.
 
     Raises:
         DataFolderError: when there is none, or a file can't be written.
@@ -81,7 +81,7 @@ def write_report(out: Path) -> list[Path]:
 
 
 def table(scores: Sequence[TestScore]) -> str:
-    """Markdown."""
+    """Return the experiments as a table in Markdown."""
     lines = [
         "| task | network | demonstrations | test score | paper, test | chance | episodes | val | paper, val | step "
         "| paper's method |",

@@ -16,8 +16,8 @@ from sim_bridge.world import SimWorld
 EVERY = 0.1  # simulated time between two frames [s]
 SPEED_UP = 3.0
 _SIZE = (480, 400)
-_LINES = 2  # of a sentence
-_LAST = 1.5  # for which the end is shown [s]
+_SENTENCE_LINES = 2  # of text under the picture, at most
+_END_S = 1.5  # time for which the end is shown [s]
 
 
 class Film:
@@ -46,7 +46,7 @@ class Film:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         if kind is None:
-            self._take(round(_LAST * SPEED_UP / EVERY))
+            self._take(round(_END_S * SPEED_UP / EVERY))
         self._writer.release()
         if kind is None:
             self._part.replace(self._path)
@@ -54,7 +54,7 @@ class Film:
 
     def _take(self, times: int) -> None:
         picture = Captioned(self._task.name, self._camera.picture(self._world), self._task.instruction)
-        frame = captioned(picture, _LINES)
+        frame = captioned(picture, _SENTENCE_LINES)
         height, width = (size - size % 2 for size in frame.shape[:2])  # codecs want even sizes
         if not self._writer.isOpened():
             codec = cv2.VideoWriter.fourcc(*"vp09")

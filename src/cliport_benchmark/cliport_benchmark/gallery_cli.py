@@ -18,6 +18,7 @@ from cliport_benchmark.film import Film
 from cliport_benchmark.observer import Observer
 from cliport_benchmark.stage_camera import StageCamera
 from cliport_benchmark.task_names import task_names
+from cliport_core.command_line import CommandParser
 from sim_bridge.errors import PhysicsError, SimBridgeError
 from sim_bridge.scene import reset_scene
 from sim_bridge.tasks import make_task
@@ -28,7 +29,7 @@ _COLUMNS = 3
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Entry point; 0 when everything was written, 1 on an error."""
+    """Run the command; return 0 when everything was written, 1 on an error."""
     options = _parser().parse_args(arguments)
     try:
         names = task_names(options.tasks)
@@ -94,7 +95,7 @@ def _make_folder(folder: Path) -> None:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="gallery", description="Show a scene of each task, and how it is done.")
+    parser = CommandParser(prog="gallery", description="Show a scene of each task, and how it is done.")
     parser.add_argument("--out", type=Path, default=Path("docs/benchmark.png"), help="picture to write")
     parser.add_argument("--videos", type=Path, help="folder for a video (MP4) of the expert for each task")
     parser.add_argument("--tasks", default="all", help="names with commas between, all (18 splits) or demo (10 tasks)")

@@ -39,7 +39,7 @@ _NOISE, _HAND, _GOAL = 1, 2, 3  # streams of scene_rng
 
 
 class Mode(Enum):
-    """How the expert's actions are carried out."""
+    """Execution of the expert's actions."""
 
     FAST = "fast"  # things are set where they belong, physics settles
     PHYSICS = "physics"  # the arm does it
@@ -47,7 +47,7 @@ class Mode(Enum):
 
 @dataclass(frozen=True)
 class GenerateConfig:
-    """What to make; the same values make the same bytes.
+    """Settings of a data set; the same values make the same bytes.
 
     Raises:
         OptionError: on numbers that make no data set, or several goals for a task whose scenes have one.
@@ -78,16 +78,16 @@ class GenerateConfig:
 
     @property
     def n_parts(self) -> int:
-        """How many files."""
+        """Number of files."""
         return -(-self.episodes // self.episodes_per_part)
 
     def episodes_of(self, part: int) -> range:
-        """The episode numbers in a part."""
+        """Return the episode numbers in a part."""
         first = part * self.episodes_per_part
         return range(first, min(first + self.episodes_per_part, self.episodes))
 
     def settings(self) -> dict[str, Any]:
-        """What a folder must agree in to be continued.
+        """Return the settings in which a folder must agree to be continued.
 
         Raises:
             ObjectFolderError: when the task's objects cannot be used.
@@ -111,7 +111,7 @@ class GenerateConfig:
 
 @dataclass(frozen=True)
 class PartReport:
-    """What came of one part."""
+    """Outcome of one part."""
 
     index: int
     episodes: int

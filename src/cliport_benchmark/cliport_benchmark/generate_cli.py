@@ -11,6 +11,7 @@ from cliport_benchmark.errors import BenchmarkError, OptionError
 from cliport_benchmark.generate import GenerateConfig, Mode, PartReport, generate
 from cliport_benchmark.own_setup import add_setup_options, add_variation_options, setup_of, variation_of
 from cliport_benchmark.provenance import command_line
+from cliport_core.command_line import CommandParser
 from cliport_core.source_state import source_state
 from cliport_policy.errors import PolicyError
 from sim_bridge.errors import SimBridgeError
@@ -18,7 +19,7 @@ from sim_bridge.tasks import ALIASES
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Entry point; 0 when all parts are there, 1 on an error, 2 on a wrong command line."""
+    """Run the command; return 0 when all parts are there, 1 on an error, 2 on a wrong command line."""
     argv = sys.argv[1:] if arguments is None else arguments
     options = _parser().parse_args(argv)
     try:
@@ -70,7 +71,7 @@ class _Progress:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="generate", description="Make expert demonstrations.")
+    parser = CommandParser(prog="generate", description="Make expert demonstrations.")
     parser.add_argument("--task", required=True, help="full name, such as put-blocks-in-bowls-seen-colors")
     parser.add_argument("--split", default="train", help="train, val or test")
     parser.add_argument("--first-seed", type=int, default=0, help="seed of the first episode")

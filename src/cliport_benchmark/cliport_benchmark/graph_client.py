@@ -28,7 +28,7 @@ MOTION_THRESHOLD = 0.01  # rad/s
 
 
 class Ended(NamedTuple):
-    """How an instruction ended: the last status, and seconds of wall time from publishing it."""
+    """End of an instruction: the last status, and seconds of wall time from publishing it."""
 
     succeeded: bool
     message: str
@@ -72,7 +72,7 @@ class GraphClient:
         self._context.try_shutdown()
 
     def wait_ready(self, timeout: float, alive: Callable[[], bool] = lambda: True) -> None:
-        """Until the simulator's services, the policy's status and a camera image are there.
+        """Wait until the simulator's services, the policy's status and a camera image are there.
 
         Raises BenchmarkError, naming what is missing, after timeout seconds or when alive() turns false.
         """
@@ -85,7 +85,7 @@ class GraphClient:
             time.sleep(0.1)
 
     def reset(self, task: str, split: str, seed: int, instruction: str = "", timeout: float = 30.0) -> str:
-        """Lay out a scene; the task's sentence for it. Raises BenchmarkError with the simulator's own words."""
+        """Make a scene and return the task's sentence for it. Raises BenchmarkError with the simulator's own words."""
         request = ResetTask.Request(task=task, split=split, seed=seed, instruction=instruction)
         response = self._call(self._reset, request, timeout)
         if not response.success:
@@ -93,7 +93,7 @@ class GraphClient:
         return str(response.instruction)
 
     def score(self, timeout: float = 10.0) -> float:
-        """The simulator's own metric for the scene as it is now, 0 to 1."""
+        """Return the simulator's own metric for the scene as it is now, 0 to 1."""
         response = self._call(self._score, GetScore.Request(), timeout)
         if not response.success:
             raise BenchmarkError(response.message)
@@ -110,7 +110,7 @@ class GraphClient:
         self._instruction.publish(String(data=text))
 
     def instruct_and_wait(self, text: str, timeout: float, alive: Callable[[], bool] = lambda: True) -> Ended:
-        """Publish an instruction and wait until the policy says done or failed."""
+        """Send an instruction, wait until the policy says done or failed, and return that."""
         start = time.monotonic()
         self.instruct(text)
         status = self.wait_status(lambda s: s.state in ENDED, timeout, alive)
@@ -119,7 +119,7 @@ class GraphClient:
         return Ended(status.state == PolicyStatus.STATE_DONE, status.message, status.step, wall, motion)
 
     def seconds_to_motion(self, text: str, timeout: float) -> float:
-        """Publish an instruction; seconds of wall time until a joint of the arm moves."""
+        """Send an instruction and return the seconds of wall time until a joint of the arm moves."""
         start = time.monotonic()
         self.instruct(text)
         while self._first_motion is None:
@@ -129,7 +129,7 @@ class GraphClient:
         return self._first_motion - start
 
     def wait_at_rest(self, timeout: float) -> None:
-        """Until no joint has moved for half a second."""
+        """Wait until no joint has moved for half a second."""
         deadline = time.monotonic() + timeout
         while time.monotonic() - self._last_motion < 0.5:
             if time.monotonic() > deadline:
@@ -139,7 +139,8 @@ class GraphClient:
     def wait_status(
         self, wanted: Callable[[PolicyStatus], bool], timeout: float, alive: Callable[[], bool] = lambda: True
     ) -> PolicyStatus:
-        """The first status since the last instruction that is wanted. Raises BenchmarkError after timeout."""
+        """Wait for a status that is wanted and return the first since the last
+        instruction. Raises BenchmarkError after timeout."""
         deadline = time.monotonic() + timeout
         with self._condition:
             while True:
@@ -153,11 +154,11 @@ class GraphClient:
                 self._condition.wait(min(left, 0.5))
 
     def camera_image(self) -> NDArray[np.uint8]:
-        """The newest colour image, (rows, cols, 3) RGB; there is one once wait_ready has returned."""
+        """Return the newest colour image, (rows, cols, 3) RGB; there is one once wait_ready has returned."""
         return _to_array(self._latest[topics.COLOR])
 
     def overlays(self, topic: str) -> list[NDArray[np.uint8]]:
-        """The affordance pictures of one of OVERLAYS since the last instruction, (rows, cols, 3) RGB each."""
+        """Return the affordance pictures of one of OVERLAYS since the last instruction, (rows, cols, 3) RGB each."""
         return [_to_array(message) for message in self._overlays[topic]]
 
     def _last_message(self) -> str:

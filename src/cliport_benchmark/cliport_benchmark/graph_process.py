@@ -64,30 +64,30 @@ class GraphProcess:
 
     @property
     def alive(self) -> bool:
-        """Whether the launch process still runs."""
+        """True if the launch process still runs."""
         return self._process is not None and self._process.poll() is None
 
     @property
     def healthy(self) -> bool:
-        """Whether the launch process runs and none of its nodes has died."""
+        """True if the launch process runs and none of its nodes has died."""
         return self.alive and "process has died" not in self.log_text()
 
     def log_text(self) -> str:
-        """Everything the nodes have printed so far."""
+        """Return everything that the nodes have printed so far."""
         return self.log_path.read_text(errors="replace") if self.log_path.is_file() else ""
 
     def log_tail(self, lines: int = 15) -> str:
-        """The last lines that the nodes printed."""
+        """Return the last lines that the nodes printed."""
         return "\n".join(self.log_text().splitlines()[-lines:])
 
     def pids(self) -> list[int]:
-        """Processes of the graph that are alive, by their session."""
+        """Return the processes of the graph that are alive, by their session."""
         if self._process is None:
             return []
         return [pid for pid in _all_pids() if _session_of(pid) == self._process.pid]
 
     def pid_of(self, executable: str) -> int:
-        """The process that runs .../lib/<package>/<executable>. Raises BenchmarkError where there is none."""
+        """Find the process that runs .../lib/<package>/<executable>. Raises BenchmarkError where there is none."""
         for pid in self.pids():
             arguments = _command_line(pid)
             if any(argument.endswith(f"/{executable}") for argument in arguments[:3]):

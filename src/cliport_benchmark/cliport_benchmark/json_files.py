@@ -26,7 +26,7 @@ def write_json(path: Path, value: dict[str, Any]) -> None:
 
 
 def read_json(path: Path) -> dict[str, Any]:
-    """A JSON object.
+    """Read a JSON object.
 
     Raises:
         DataFolderError: when the file is absent or no JSON object.
@@ -41,13 +41,13 @@ def read_json(path: Path) -> dict[str, Any]:
 
 
 def as_json(values: dict[str, Any]) -> dict[str, Any]:
-    """Values as they are after a way through a file."""
+    """Return values as they are after a way through a file."""
     result: dict[str, Any] = json.loads(json.dumps(values))
     return result
 
 
 def differences(found: dict[str, Any], wanted: dict[str, Any]) -> str:
-    """What differs between two sets of settings, for people; "" when nothing does."""
+    """Compare two sets of settings and return the differences in words; "" when there are none."""
     wanted = as_json(wanted)
     names = [name for name in {**wanted, **found} if found.get(name) != wanted.get(name)]
     return ", ".join(f"{name} {_short(found.get(name))} not {_short(wanted.get(name))}" for name in names)

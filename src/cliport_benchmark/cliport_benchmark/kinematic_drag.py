@@ -19,13 +19,13 @@ from sim_bridge.world import SimWorld
 
 # the closed fingers: along and across the motion, and a part of their height [m]
 _HAND = (HAND.closed_depth, HAND.closed_width, 0.06)
-_ABOVE_TABLE = 0.004  # their rounded tips [m]
-_HAND_MASS = 10.0  # nothing on the table holds it up [kg]
+_ABOVE_TABLE = 0.004  # height of the fingers' rounded tips [m]
+_HAND_MASS = 10.0  # so large that nothing on the table stops it [kg]
 _FINGER_FRICTION = 1.5
 _LIFT = 0.02  # of what is held, as in the executor's fold [m]
 _GRIP_FORCE = 50.0  # [N]
 _SPEED = 0.5  # [m/s]
-_ACCELERATION = 2.0  # less than the friction's, so that nothing slides on ahead [m/s^2]
+_ACCELERATION = 2.0  # less than friction's, so that nothing slides on ahead [m/s^2]
 _SOLVER_ITERATIONS = 20
 
 
@@ -47,7 +47,7 @@ def sweep(world: SimWorld, pick: PlanarPose, place: PlanarPose) -> None:
 
 
 def fold(world: SimWorld, pick: PlanarPose, place: PlanarPose) -> None:
-    """What lies at pick is lifted a little, moved to place while it turns as the jaws do, and let go."""
+    """Lift the thing at pick a little, move it to place while it turns as the jaws do, and let go."""
     thing = object_at(world, pick.x, pick.y, movable=True)
     if thing is None:
         return
@@ -69,7 +69,7 @@ def fold(world: SimWorld, pick: PlanarPose, place: PlanarPose) -> None:
 
 
 def _progress(length: float, dt: float) -> Iterator[tuple[float, float]]:
-    """Distance gone [m] and speed [m/s] step by step: from rest to rest with a bounded acceleration."""
+    """Return distance gone [m] and speed [m/s] step by step: from rest to rest with a bounded acceleration."""
     top = min(_SPEED, math.sqrt(length * _ACCELERATION))
     ramp, even = top / _ACCELERATION, length / top - top / _ACCELERATION
     for t in np.arange(0.0, 2 * ramp + even, dt):
@@ -90,7 +90,7 @@ def _moved(pose: Pose, shift: np.ndarray, turn: float) -> Pose:  # type: ignore[
 
 @contextmanager
 def _hand(world: SimWorld) -> Iterator[int]:
-    """A block in place of the fingers."""
+    """Yield the body of a block that stands in place of the fingers."""
     shape = pybullet.createCollisionShape(
         pybullet.GEOM_BOX, halfExtents=[edge / 2 for edge in _HAND], physicsClientId=world.client
     )
@@ -111,7 +111,7 @@ def _put(world: SimWorld, body: int, pose: Pose, velocity: np.ndarray) -> None: 
 
 @contextmanager
 def _grip(world: SimWorld, thing: SceneObject, at: Pose) -> Iterator[int]:
-    """A constraint in place of the fingers: the thing stays where `_pull` says."""
+    """Yield a constraint that holds a thing in place of the fingers: it stays where `_pull` says."""
     grip = pybullet.createConstraint(
         thing.body,
         -1,
@@ -142,7 +142,7 @@ def _pull(world: SimWorld, grip: int, pose: Pose) -> None:
 
 @contextmanager
 def _cheap_physics(world: SimWorld) -> Iterator[None]:
-    """Fewer iterations: where things end up differs no more than between two sweeps of the arm."""
+    """Run physics with fewer iterations: where things end up differs no more than between two sweeps of the arm."""
     pybullet.setPhysicsEngineParameter(numSolverIterations=_SOLVER_ITERATIONS, physicsClientId=world.client)
     try:
         yield

@@ -1,4 +1,4 @@
-"""What a policy sees of a world: one camera frame with the arm at home, as a heightmap."""
+"""A policy's view of a world: one camera frame with the arm at home, as a heightmap."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from sim_bridge.rendering.image_window import ImageWindow
 from sim_bridge.rendering.mounting import CameraCalibration, load_camera
 from sim_bridge.world import SimConfig, SimWorld
 
-_BORDER = 12  # of the rendered part around what sees the workspace [pixels]
-_SIGMAS = 4.0  # of a mounting error that the border must have room for
+_BORDER = 12  # around the workspace's view, rendered too [pixels]
+_MOUNTING_SIGMAS = 4.0  # size of a mounting error that the border covers
 
 
 class Observer:
@@ -36,7 +36,7 @@ class Observer:
         whole_image: bool = False,
         camera: CameraCalibration | None = None,
     ) -> None:
-        """camera: lens, image size and calibrated pose; the simulator's own by default."""
+        """Make the camera: lens, image size and calibrated pose; the simulator's own by default."""
         self.workspace = sim.workspace
         nominal = camera or load_camera()
         self._variation = variation or Variation()
@@ -58,11 +58,11 @@ class Observer:
         self._look = self._variation.scene_look(self.camera.config.appearance, self.camera.camera_in_base, rng)
 
     def frame(self, world: SimWorld) -> RgbdFrame:
-        """The camera's frame of the world as it is now."""
+        """Take the camera's frame of the world as it is now."""
         return self.camera.capture(world, self._rng, self._look.appearance, self._look.true_camera_in_base)
 
     def heightmap(self, frame: RgbdFrame) -> Heightmap:
-        """A frame seen from straight above."""
+        """Convert a frame to a view from straight above."""
         return heightmap_from_rgbd(
             frame.color,
             frame.depth,
@@ -73,18 +73,18 @@ class Observer:
         )
 
     def cloud(self, frame: RgbdFrame) -> npt.NDArray[np.float32]:
-        """Points (N, 3) [m] of a frame in the base frame, over and around the workspace."""
+        """Return the points (N, 3) [m] of a frame in the base frame, over and around the workspace."""
         return self._clouds.points(frame.depth)
 
     def observe(self, world: SimWorld) -> Heightmap:
-        """Frame and projection in one."""
+        """Take a frame and convert it to a heightmap."""
         return self.heightmap(self.frame(world))
 
 
 def _border(camera: CameraCalibration, variation: Variation) -> int:
-    """Pixels around what sees the workspace, so that it is still seen where the camera is shifted and turned."""
+    """Return the pixels around the workspace's view that keep it in view where the camera is shifted and turned."""
     if Aspect.MOUNTING not in variation.aspects:
         return _BORDER
     errors, lens = variation.mounting, camera.intrinsics
     distance = max(float(camera.camera_in_base.translation[2]), 0.1)  # [m], at the least that of the camera's foot
-    return max(_BORDER, math.ceil(_SIGMAS * max(lens.fx, lens.fy) * (errors.turn + errors.shift / distance)))
+    return max(_BORDER, math.ceil(_MOUNTING_SIGMAS * max(lens.fx, lens.fy) * (errors.turn + errors.shift / distance)))

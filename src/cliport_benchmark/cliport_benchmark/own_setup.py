@@ -20,8 +20,8 @@ from sim_bridge.scene import reset_scene
 from sim_bridge.tasks import Task
 from sim_bridge.world import SimConfig, SimWorld
 
-_TRIES = 3  # scenes without room after which a workspace is refused
-_LATTICE = 24  # points along each side of the workspace at which its sight is judged
+_TRIES = 3  # scenes without a free place after which a workspace is refused
+_LATTICE = 24  # points along each side of the workspace that the camera should see
 
 
 @dataclass(frozen=True)
@@ -58,11 +58,11 @@ class OwnSetup:
         return cls(spec, load_camera() if camera is None else load_camera(camera))
 
     def sim_config(self) -> SimConfig:
-        """Physics for scenes in this workspace."""
+        """Return the physics settings for scenes in this workspace."""
         return SimConfig(workspace=self.workspace)
 
     def settings(self) -> dict[str, Any]:
-        """As results and data sets record it."""
+        """Return the set-up as results and data sets record it."""
         lens, pose = self.camera.intrinsics, self.camera.camera_in_base
         camera: dict[str, Any] = {
             "width": lens.width,
@@ -113,7 +113,7 @@ class OwnSetup:
                 )
 
     def _seen_share(self) -> float:
-        """Of points on the table within the workspace, the share that lies in the image."""
+        """Return the share of the table's points within the workspace that lies in the image."""
         spec, lens = self.workspace, self.camera.intrinsics
         x, y = np.meshgrid(np.linspace(spec.x_min, spec.x_max, _LATTICE), np.linspace(spec.y_min, spec.y_max, _LATTICE))
         points = self.camera.camera_in_base.inverse().apply(np.stack([x, y, np.zeros_like(x)], axis=-1).reshape(-1, 3))
@@ -149,17 +149,17 @@ def add_variation_options(parser: argparse.ArgumentParser) -> None:
 
 
 def setup_of(options: argparse.Namespace) -> OwnSetup:
-    """From the options of add_setup_options; errors as OwnSetup.load."""
+    """Load the set-up that the options of add_setup_options name; errors as OwnSetup.load."""
     return OwnSetup.load(options.workspace, options.camera)
 
 
 def variation_of(options: argparse.Namespace) -> Variation:
-    """From the options of add_variation_options; errors as Variation.parse."""
+    """Parse the options of add_variation_options; errors as Variation.parse."""
     return Variation.parse(options.randomize, options.mounting_error and tuple(options.mounting_error))
 
 
 def set_up_words(values: dict[str, Any]) -> str:
-    """What a result's agent is said to have been scored under beside its name: ", randomized: light", say."""
+    """Return the conditions under which a result's agent was scored, to follow its name: ", randomized: light", say."""
     words = ""
     own = OwnSetup().settings()
     if any(name in values and values[name] != own[name] for name in own):

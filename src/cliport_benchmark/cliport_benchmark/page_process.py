@@ -12,8 +12,8 @@ from pathlib import Path
 
 from cliport_benchmark.errors import BenchmarkError
 
-_START_S = 60.0  # until it says where it is
-_PATIENCE_S = 20.0  # for its end
+_START_TIMEOUT_S = 60.0  # wait for its address at most
+_END_TIMEOUT_S = 20.0  # wait for its end at most
 
 
 class PageProcess:
@@ -32,8 +32,8 @@ class PageProcess:
         command = [sys.executable, "-m", "demo_tool.app", "--port", str(port), "--data-sets", str(data_sets)]
         self._process = subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True)
         assert self._process.stdout is not None
-        spoke, _, _ = select.select([self._process.stdout], [], [], _START_S)
-        line = self._process.stdout.readline() if spoke else f"it said nothing in {_START_S:.0f} s"
+        spoke, _, _ = select.select([self._process.stdout], [], [], _START_TIMEOUT_S)
+        line = self._process.stdout.readline() if spoke else f"it said nothing in {_START_TIMEOUT_S:.0f} s"
         found = re.search(r"http://\S+:(\d+)", line)
         if not found:
             self.end()
@@ -51,17 +51,17 @@ class PageProcess:
         if self._process.poll() is None:
             self._process.send_signal(number)
         try:
-            return self._process.wait(_PATIENCE_S)
+            return self._process.wait(_END_TIMEOUT_S)
         except subprocess.TimeoutExpired:
             self._process.kill()
             return self._process.wait()
 
     def cpu_seconds(self) -> float:
-        """That it has used so far, of all cores."""
+        """Return the time that it has used so far, of all cores [s]."""
         fields = Path(f"/proc/{self._process.pid}/stat").read_text().rpartition(")")[2].split()
         return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
     def resident_mb(self) -> float:
-        """Memory that it holds [MB]."""
+        """Return the memory that it holds [MB]."""
         status = Path(f"/proc/{self._process.pid}/status").read_text()
         return next(int(line.split()[1]) / 1024 for line in status.splitlines() if line.startswith("VmRSS"))

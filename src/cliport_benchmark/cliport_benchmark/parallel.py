@@ -17,7 +17,7 @@ from cliport_benchmark.ray_cluster import RayCluster, failure_line
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
-_SHOWN = 3  # failures that an error names
+_SHOWN = 3  # failures that an error names at most
 
 
 def run_parallel(
@@ -27,7 +27,7 @@ def run_parallel(
     set_up: Callable[[], None],
     cluster: RayCluster | None = None,
 ) -> Generator[tuple[Item, Result]]:
-    """(item, function(item)) as they come; each process calls set_up once first. Both must be picklable.
+    """Yield (item, function(item)) as they come; each process calls set_up once first. Both must be picklable.
 
     Processes are spawned, with one thread each for linear algebra: those that share cores must not each start
     a thread per core. When the caller closes the generator, is interrupted or told to terminate, they end at once.
@@ -83,14 +83,14 @@ def _run_here(
 
 
 def _begin(set_up: Callable[[], None]) -> None:
-    """In each process: an interrupt is the parent's to handle, and without the parent there is nothing to do."""
+    """Prepare a process: an interrupt is the parent's to handle, and without the parent there is nothing to do."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, daemon=True).start()
     set_up()
 
 
 def _end_with_parent() -> None:
-    """A parent that was killed could not end its processes."""
+    """End with a parent that was killed and so could not end its processes."""
     parent = multiprocessing.parent_process()
     if parent is not None:
         parent.join()
@@ -99,7 +99,7 @@ def _end_with_parent() -> None:
 
 @contextmanager
 def _termination_interrupts() -> Iterator[None]:
-    """While it lasts SIGTERM ends this process as Ctrl-C does, so that its children end too."""
+    """Let SIGTERM end this process as Ctrl-C does while the context lasts, so that its children end too."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return

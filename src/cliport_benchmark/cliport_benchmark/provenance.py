@@ -1,4 +1,4 @@
-"""What made a file: command line and machine; cliport_core.source_state says of which source."""
+"""Origin of a file: command line and machine; cliport_core.source_state says of which source."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from pathlib import Path
 
 
 def command_line(program: str, arguments: list[str]) -> str:
-    """The command as one would type it."""
+    """Return the command as one would type it."""
     return shlex.join(["ros2", "run", "cliport_benchmark", program, *arguments])
 
 
 def machine() -> dict[str, str | int]:
-    """Processor, cores and versions that matter for a measurement."""
+    """Return processor, cores and versions that matter for a measurement."""
     return {
         "cpu": _cpu_name(),
         "cores": os.cpu_count() or 1,

@@ -35,7 +35,7 @@ class RayCluster:
         set_up: Callable[[], None],
         failures: list[str],
     ) -> Generator[tuple[Item, Result]]:
-        """(item, function(item)) as they come from so many actors, each of which calls set_up once first.
+        """Yield (item, function(item)) as they come from so many actors, each of which calls set_up once first.
 
         failures: gets a line for each item whose function raised, or whose worker died.
 
@@ -81,7 +81,7 @@ class _Worker:
         set_up()
 
     def run(self, function: Callable[[Item], Result], item: Item) -> Result:
-        """Do one item."""
+        """Apply the function to one item."""
         return function(item)
 
 
@@ -109,7 +109,7 @@ def join_cluster(address: str, num_gpus: float = 0.0, num_cpus: float = 1.0) -> 
 
 
 def failure_line(item: object, error: BaseException) -> str:
-    """One line that says which item failed and how; Ray wraps what was raised together with a traceback."""
+    """Return one line that says which item failed and how; Ray wraps what was raised together with a traceback."""
     cause = getattr(error, "cause", None) or error
     text = " ".join(str(cause).split())
     return f"{str(item)[:60]}: {type(cause).__name__}: {text[:200]}"

@@ -33,7 +33,7 @@ _NOISE_STREAM = 1  # of scene_rng, as generate draws it
 
 @dataclass(frozen=True)
 class RecordConfig:
-    """What to demonstrate. sentences: what is asked for, scene by scene and over again; empty: the task's own.
+    """Settings of demonstrations. sentences: what is asked for, scene by scene and over again; empty: the task's own.
 
     Raises:
         OptionError: on numbers that make no episode.
@@ -56,12 +56,12 @@ class RecordConfig:
                 raise OptionError(f"{name} must be {least} or more, got {value}")
 
     def sentence(self, index: int) -> str:
-        """What the scene of an episode is made for; "" leaves it to the task."""
+        """Return the sentence for which the scene of an episode is made; "" leaves it to the task."""
         return self.sentences[index % len(self.sentences)] if self.sentences else ""
 
     def name(self, index: int) -> str:
-        """Of an episode's bag: task, split and seed, which sentence the scene was made for where one was given, and
-        what varied."""
+        """Return the name of an episode's bag: task, split and seed, the
+        digest of a given sentence, and what varied."""
         sentence = self.sentence(index)
         asked = f"-{hashlib.sha256(sentence.encode()).hexdigest()[:8]}" if sentence else ""
         varied = "".join(f"-{name}" for name in self.variation.settings())
@@ -69,7 +69,7 @@ class RecordConfig:
 
 
 class Result(Enum):
-    """How a demonstration ended."""
+    """Outcome of a demonstration."""
 
     SUCCEEDED = "succeeded"
     FAILED = "failed"  # recorded, and marked so
@@ -91,11 +91,11 @@ class ExpertRecorder:
 
     Raises:
         EpisodesError: when the data set is of another camera or workspace, or cannot be written.
-        OptionError: when the workspace has no room for the task.
+        OptionError: when the task does not fit into the workspace.
     """
 
     def __init__(self, config: RecordConfig, data_set: Path, now_ns: Callable[[], int]) -> None:
-        """now_ns: the time that an episode's stamps begin with."""
+        """Open world and data set; now_ns: the time that an episode's stamps begin with."""
         self._config = config
         self._now_ns = now_ns
         config.setup.check_room(config.task, config.split, config.first_seed)
@@ -112,7 +112,7 @@ class ExpertRecorder:
         self._world.close()
 
     def missing(self) -> list[int]:
-        """The episodes that the data set lacks; what is left of interrupted ones goes into its trash."""
+        """Return the episodes that the data set lacks; what is left of interrupted ones goes into its trash."""
         finished = {info.name: info.finished for info in self._data_set.episodes()}
         names = [self._config.name(index) for index in range(self._config.episodes)]
         for name in names:
@@ -121,7 +121,7 @@ class ExpertRecorder:
         return [index for index, name in enumerate(names) if not finished.get(name)]
 
     def record(self, index: int) -> Recorded:
-        """Demonstrate the scene of an episode; when that is interrupted, what there is goes into the trash."""
+        """Record the scene of an episode; when that is interrupted, what there is goes into the trash."""
         config, seed = self._config, self._config.first_seed + index
         try:
             task = reset_scene(self._world, config.task, config.split, seed, config.sentence(index))
@@ -148,7 +148,7 @@ class ExpertRecorder:
         return Recorded(Result.SUCCEEDED if success else Result.FAILED, writer.name, writer.n_steps, said)
 
     def _demonstrate(self, task: Task, writer: EpisodeWriter) -> str:
-        """Every step until the task is done or nothing more can be shown; what was said last."""
+        """Record every step until the task is done or nothing more can be shown; return what was said last."""
         said = ""
         for step in range(task.max_steps):
             action = None if task.done() else task.expert_action()

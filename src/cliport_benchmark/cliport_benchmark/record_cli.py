@@ -16,13 +16,14 @@ from pathlib import Path
 from cliport_benchmark.errors import BenchmarkError, OptionError
 from cliport_benchmark.own_setup import add_setup_options, add_variation_options, setup_of, variation_of
 from cliport_benchmark.record import ExpertRecorder, RecordConfig, Result
+from cliport_core.command_line import CommandParser
 from cliport_episodes.errors import EpisodesError
 from sim_bridge.errors import SimBridgeError
 from sim_bridge.tasks import ALIASES
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Entry point; 0 when all episodes were recorded, 1 on an error, 2 on a wrong command line."""
+    """Run the command; return 0 when all episodes were recorded, 1 on an error, 2 on a wrong command line."""
     options = _parser().parse_args(arguments)
     try:
         sentences = _sentences(options.instructions)
@@ -66,7 +67,7 @@ def _record(config: RecordConfig, out: Path) -> Counter[Result]:
 
 
 def _sentences(path: Path | None) -> tuple[str, ...]:
-    """Raises OptionError where the file can't be read or says nothing."""
+    """Read the sentences of a file. Raises OptionError where it can't be read or says nothing."""
     if path is None:
         return ()
     try:
@@ -80,7 +81,7 @@ def _sentences(path: Path | None) -> tuple[str, ...]:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="record", description="Record the expert's demonstrations as bags.")
+    parser = CommandParser(prog="record", description="Record the expert's demonstrations as bags.")
     parser.add_argument("--task", required=True, help="full name, such as put-blocks-in-bowls-seen-colors")
     parser.add_argument("--split", default="train", help="train, val or test")
     parser.add_argument("--first-seed", type=int, default=0, help="seed of the first episode")

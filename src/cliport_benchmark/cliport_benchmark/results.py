@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import csv
 import io
 import sys
@@ -24,13 +23,14 @@ from cliport_benchmark.paper_scores import (
     paper_methods,
     paper_scores,
 )
+from cliport_core.command_line import CommandParser
 from cliport_policy.errors import PolicyError
 from sim_bridge.errors import TaskPackageError
 from sim_bridge.tasks import ALIASES, DEMO_TASKS, LANGUAGE_SPLITS, is_known
 
 _OUR_COLUMNS = ("task", "by", "split", "score", "episodes")
-_GOOGLE_OBJECTS = "google "  # how the name of a set of Google Scanned Objects begins
-_EVERYDAY = "google-objects"  # in the names of the tasks that show them
+_GOOGLE_OBJECTS = "google "  # prefix of the names of sets of Google Scanned Objects
+_EVERYDAY = "google-objects"  # part of the names of the tasks that show them
 
 
 @dataclass(frozen=True)
@@ -92,7 +92,7 @@ class Evaluation:
 
 
 def read_evaluation(path: Path) -> Evaluation:
-    """What a file says.
+    """Read an evaluation from its file.
 
     Raises:
         DataFolderError: when it is no result of `evaluate`.
@@ -121,8 +121,8 @@ def read_evaluation(path: Path) -> Evaluation:
 
 
 def markdown(evaluations: Sequence[Evaluation], demos: int) -> str:
-    """The tables that there is something for, a row an evaluation or a task of the paper's without one, beside the
-    paper's scores for that many demonstrations; and what is doubtful."""
+    """Return the tables that there is something for, a row an evaluation or a task of
+    the paper's without one, beside the paper's scores."""
     text = []
     for section in SECTIONS:
         rows = _rows(section, evaluations)
@@ -146,7 +146,7 @@ def markdown(evaluations: Sequence[Evaluation], demos: int) -> str:
 
 
 def comma_separated(evaluations: Sequence[Evaluation]) -> str:
-    """The same rows with every column of the paper's tables, filled where a row may stand beside the table."""
+    """Return the same rows with every column of the paper's tables, filled where a row may stand beside the table."""
     columns = list(dict.fromkeys((table, method, demos) for table, method, _, demos in paper_scores()))
     file = io.StringIO()
     writer = csv.writer(file, lineterminator="\n")
@@ -166,8 +166,8 @@ def comma_separated(evaluations: Sequence[Evaluation]) -> str:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Entry point; 0 when there was something to show, 1 on an error."""
-    parser = argparse.ArgumentParser(prog="results", description="Evaluations as tables beside the paper's.")
+    """Run the command; return 0 when there was something to show, 1 on an error."""
+    parser = CommandParser(prog="results", description="Evaluations as tables beside the paper's.")
     parser.add_argument("folder", type=Path, help="where evaluate wrote its JSON files")
     parser.add_argument("--out", type=Path, help="Markdown file to write, and a .csv beside it")
     parser.add_argument("--demos", type=int, choices=DEMO_COUNTS, default=1000, help="of the paper's columns")
@@ -188,7 +188,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _agent(values: dict[str, Any]) -> str:
-    """Who acted and how: the checkpoint, what its network is called, and what was unusual."""
+    """Return who acted and how: the checkpoint, its network's name, and what was unusual."""
     words = [str(values["checkpoint"])]
     if values.get("method"):
         words.append(f"({values['method']})")
@@ -200,7 +200,7 @@ def _agent(values: dict[str, Any]) -> str:
 
 
 def _read_folder(folder: Path) -> list[Evaluation]:
-    """All that a folder and those in it hold; what is no evaluation is left out with a line that says so."""
+    """Read all that a folder and those in it hold; what is no evaluation is left out with a line that says so."""
     if not folder.is_dir():
         raise DataFolderError(f"there is no folder {folder}: name the one that evaluate wrote to")
     evaluations = []
@@ -215,7 +215,7 @@ def _read_folder(folder: Path) -> list[Evaluation]:
 
 
 def _rows(section: Section, evaluations: Sequence[Evaluation]) -> list[list[str]]:
-    """task, by, split, score, episodes of a section's evaluations, in the order of its tasks.
+    """Return task, by, split, score, episodes of a section's evaluations, in the order of its tasks.
 
     Beside a table of the paper's, a task without an evaluation has a row too.
     """

@@ -10,8 +10,8 @@ from sim_bridge.objects import SceneObject
 from sim_bridge.task_mechanics.placing import outline
 from sim_bridge.world import SimWorld
 
-_ABOVE_ALL = 0.35  # nothing on the table is higher [m]
-_STEP = 0.001  # by which a thing is lowered beside something near [m]
+_ABOVE_ALL = 0.35  # height that nothing on the table reaches [m]
+_STEP = 0.001  # by which a thing is lowered beside a near one [m]
 
 
 def set_down(world: SimWorld, thing: SceneObject, pose: Pose) -> None:
@@ -34,7 +34,7 @@ def _lift(world: SimWorld, thing: SceneObject, pose: Pose, height: float) -> Non
 
 
 def _may_touch(world: SimWorld, thing: SceneObject, other: SceneObject) -> bool:
-    """Whether the rectangles around both, seen from above, overlap."""
+    """Return True if the rectangles around both, seen from above, overlap."""
     if other.shape.collision is None:
         return False
     mine, its = outline(world, thing), outline(world, other)
@@ -42,7 +42,7 @@ def _may_touch(world: SimWorld, thing: SceneObject, other: SceneObject) -> bool:
 
 
 def _distance(world: SimWorld, thing: SceneObject, bodies: list[int]) -> float:
-    """To the nearest of the bodies [m], negative when they overlap."""
+    """Return the distance to the nearest of the bodies [m], negative when they overlap."""
     contacts = [
         contact
         for body in bodies

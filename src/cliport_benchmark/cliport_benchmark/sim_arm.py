@@ -21,7 +21,7 @@ from sim_bridge.control import (
 )
 from sim_bridge.world import SimWorld
 
-_GOAL_TIME = 1.0  # how late the arm may settle at a trajectory's end [s]
+_GOAL_TIME = 1.0  # by which the arm may settle after a trajectory's end [s]
 _OVERTIME = 3.0  # simulated time after which a motion is given up, beyond what it should take [s]
 _GRIPPER_TIME = 5.0  # [s]
 
@@ -75,7 +75,7 @@ class SimArmPort:
         self._motion = motion
 
     def joint_positions(self) -> npt.NDArray[np.float64]:
-        """(7,) [rad]."""
+        """Return the joints' positions (7,) [rad]."""
         return self._motion.world.panda.state().positions
 
     def execute(self, trajectory: JointTrajectory, should_stop: ShouldStop) -> MotionResult:
@@ -113,7 +113,7 @@ class SimGripperPort:
         self._motion = motion
 
     def width(self) -> float:
-        """Distance between the fingers [m]."""
+        """Return the distance between the fingers [m]."""
         return self._motion.world.panda.state().width
 
     def move(self, width: float, max_effort: float, should_stop: ShouldStop) -> GripperResult:

@@ -33,6 +33,6 @@ class StageCamera:
         self._rng = np.random.default_rng(0)  # nothing is drawn from it: there is no noise
 
     def picture(self, world: SimWorld) -> npt.NDArray[np.uint8]:
-        """The world as it is now."""
+        """Take a picture of the world as it is now."""
         color = self._camera.capture(world, self._rng).color
         return np.asarray(cv2.resize(color, self._size, interpolation=cv2.INTER_AREA), dtype=np.uint8)

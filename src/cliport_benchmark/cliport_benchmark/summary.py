@@ -1,4 +1,4 @@
-"""What an evaluation's episodes amount to, as its JSON has it."""
+"""Summary of an evaluation's episodes, as its JSON has it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from cliport_benchmark.journal import Discarded, Outcome
 
 
 def summary(settings: dict[str, Any], outcomes: list[Outcome]) -> dict[str, Any]:
-    """The results; scores 0..100. settings: EvaluateConfig's."""
+    """Return the results; scores 0..100. settings: EvaluateConfig's."""
     episodes = [outcome for outcome in outcomes if isinstance(outcome, Episode)]
     discarded = [outcome for outcome in outcomes if isinstance(outcome, Discarded)]
     steps = [step for episode in episodes for step in episode.actions]

@@ -32,7 +32,8 @@ def run_here(jobs: Sequence[Job], out: Path, at_once: int, processes: int, say: 
 def run_on_ray(
     cluster: RayCluster, jobs: Sequence[Job], out: Path, processes: int, say: Callable[[str], None]
 ) -> list[str]:
-    """Train the experiments as Ray workers, each as soon as there is room, and score them one after the other.
+    """Run the experiments' training as Ray workers, each as soon as the cluster
+    has a place, and score them one after the other.
 
     The scenes of an evaluation are spread over so many workers of the cluster. Returns what went wrong, a line each.
     """
@@ -53,7 +54,7 @@ def run_on_ray(
 
 
 def _train(out: Path, job: Job) -> str:
-    """Train one; why it failed, or an empty line: errors cross processes as text."""
+    """Train one experiment and return why it failed, or an empty line: errors cross processes as text."""
     experiment, data = job
     try:
         train_experiment(experiment, out, data, print)

@@ -8,7 +8,7 @@ GROUPS = {"all": LANGUAGE_SPLITS, "demo": DEMO_TASKS}
 
 
 def task_names(text: str) -> list[str]:
-    """Full names, each once, of a list with commas between names, aliases and groups: all or demo.
+    """Return full names, each once, of a list with commas between names, aliases and groups: all or demo.
 
     Unknown names stay as they are: whoever makes the task refuses them.
     """

@@ -1,4 +1,4 @@
-"""What `--randomize` varies from scene to scene, so that robustness can be measured and trained for."""
+"""Variations from scene to scene, set by `--randomize`, so that robustness can be measured and trained for."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class MountingErrors:
 
 @dataclass(frozen=True)
 class SceneLook:
-    """How one scene is seen: light and table, and where the camera truly is."""
+    """Look of one scene: light and table, and where the camera truly is."""
 
     appearance: Appearance
     true_camera_in_base: Pose
@@ -48,7 +48,7 @@ class SceneLook:
 
 @dataclass(frozen=True)
 class Variation:
-    """What varies, and how much. Each aspect is seeded by the scene on its own: another one changes nothing in it.
+    """The aspects that vary, and how much. Each is seeded by the scene on its own: another one changes nothing in it.
 
     Raises:
         OptionError: on impossible mounting errors.
@@ -66,7 +66,7 @@ class Variation:
 
     @classmethod
     def parse(cls, text: str | None, mounting_mm_deg: tuple[float, float] | None = None) -> Variation:
-        """From aspects' names with commas between, `all`, or None for nothing.
+        """Parse aspects' names with commas between, `all`, or None for nothing.
 
         mounting_mm_deg: standard deviations of the camera's shift [mm] and turn [degrees] per axis.
 
@@ -89,7 +89,7 @@ class Variation:
         return cls(aspects, mounting=MountingErrors(shift / 1000.0, math.radians(turn)))
 
     def settings(self) -> dict[str, Any]:
-        """What varies, by name, with the ranges that it is drawn from; empty when nothing does."""
+        """Return what varies, by name, with the ranges that it is drawn from; empty when nothing does."""
         ranges = {
             Aspect.LIGHT: asdict(self.look),
             Aspect.TEXTURE: asdict(self.look),

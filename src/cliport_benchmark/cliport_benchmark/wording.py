@@ -30,7 +30,7 @@ class Wording:
 
 
 def load_patterns(path: Path, own: str) -> tuple[str, ...]:
-    """Patterns, one a line, with the slots of the task's own; empty lines and lines that begin with # are skipped.
+    """Load patterns, one a line, with the slots of the task's own; empty lines and lines that begin with # are skipped.
 
     Raises:
         OptionError: when the file cannot be read, has no pattern, or a pattern lacks a slot.
@@ -45,7 +45,7 @@ def load_patterns(path: Path, own: str) -> tuple[str, ...]:
 
 
 def load_synonyms(path: Path) -> dict[str, str]:
-    """Lines `colour = word`; empty lines and lines that begin with # are skipped.
+    """Load lines `colour = word`; empty lines and lines that begin with # are skipped.
 
     Raises:
         OptionError: when the file cannot be read, has no line, or one does not name a known colour.
@@ -60,7 +60,7 @@ def load_synonyms(path: Path) -> dict[str, str]:
 
 
 def _lines(path: Path, option: str) -> list[tuple[int, str]]:
-    """The numbered lines that say something."""
+    """Read the numbered lines that say something."""
     try:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:

@@ -16,6 +16,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from cliport_core.command_line import CommandParser
 from cliport_policy.calibration import Calibration, JudgedAnswer, TemperatureFit
 from cliport_policy.checkpoint import load_checkpoint, resolve_checkpoint, write_json
 from cliport_policy.data.demonstrations import DemonstrationSet, load_demonstrations
@@ -47,7 +48,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="calibrate", description="Fit a checkpoint's confidences to held-out data.")
+    parser = CommandParser(prog="calibrate", description="Fit a checkpoint's confidences to held-out data.")
     parser.add_argument("--checkpoint", required=True, help="a .safetensors file, a training folder or a name")
     parser.add_argument("--data", required=True, type=Path, metavar="VAL_DIR", help="data set it was not trained on")
     parser.add_argument("--count", type=int, default=300, metavar="N", help="demonstrations to look at (default 300)")

@@ -8,6 +8,7 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
+from cliport_core.command_line import CommandParser
 from cliport_core.errors import CoreError
 from cliport_core.workspace import WorkspaceSpec
 from cliport_episodes.errors import EpisodesError
@@ -62,7 +63,7 @@ def _report(tally: Tally, out: Path) -> None:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="dataset", description="Make a training set of recorded episodes.")
+    parser = CommandParser(prog="dataset", description="Make a training set of recorded episodes.")
     add = parser.add_argument
     add("--from-bags", type=Path, nargs="+", required=True, metavar="DIR", help="data sets of episodes, or episodes")
     add("--out", type=Path, required=True, metavar="DIR", help="folder of the training set; must not exist")

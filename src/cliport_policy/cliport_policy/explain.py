@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from cliport_core import topics
+from cliport_core.command_line import CommandParser
 from cliport_core.errors import CoreError
 from cliport_core.heightmap import Heightmap
 from cliport_policy.data.demonstrations import load_demonstrations
@@ -55,7 +56,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = CommandParser(
         prog="explain", description="Picture what a policy sees, scores and decides: observation, affordances, crop."
     )
     parser.add_argument("--checkpoint", default="default", help="a .safetensors file, a training folder or a name")

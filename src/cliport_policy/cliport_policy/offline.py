@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from cliport_core import topics
+from cliport_core.command_line import CommandParser
 from cliport_core.errors import CoreError
 from cliport_episodes.errors import EpisodesError
 from cliport_episodes.reader import read_episode
@@ -129,7 +130,7 @@ class _Run:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = CommandParser(
         prog="offline", description="Compare what a policy would do with what was recorded, without a graph."
     )
     add = parser.add_argument

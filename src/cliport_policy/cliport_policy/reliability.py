@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from cliport_core.command_line import CommandParser
 from cliport_policy.calibration import expected_calibration_error
 from cliport_policy.checkpoint import resolve_checkpoint, write_json
 from cliport_policy.data.demonstrations import Demonstration, DemonstrationSet, Index, load_demonstrations
@@ -95,9 +96,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog="reliability", description="How far a checkpoint's own doubts can be trusted."
-    )
+    parser = CommandParser(prog="reliability", description="How far a checkpoint's own doubts can be trusted.")
     parser.add_argument("--checkpoint", default="default", help="a .safetensors file, a training folder or a name")
     parser.add_argument("--data", required=True, type=Path, metavar="DIR", help="data set it was not trained on")
     parser.add_argument("--count", type=int, default=200, metavar="N", help="episodes to look at (default 200)")

@@ -8,6 +8,7 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
+from cliport_core.command_line import CommandParser
 from cliport_core.errors import CoreError
 from cliport_core.ros_running import run_node
 from cliport_episodes.errors import EpisodesError
@@ -57,7 +58,7 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="ros2 run demo_tool app", description=__doc__, allow_abbrev=False)
+    parser = CommandParser(prog="ros2 run demo_tool app", description=__doc__, allow_abbrev=False)
     parser.add_argument("--host", default="127.0.0.1", help="address to listen on; other than loopback asks a token")
     parser.add_argument("--port", type=int, default=8080, help="0 takes a free one")
     parser.add_argument("--data-sets", type=Path, default=Path("demonstrations"), help="folder of the data sets")

@@ -7,6 +7,7 @@ import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from cliport_core.command_line import CommandParser
 from cliport_episodes.checks import check_episode
 from cliport_episodes.contact_sheet import draw_contact_sheet
 from cliport_episodes.data_set import DataSet, draw_statistics
@@ -157,9 +158,7 @@ def _say(text: str) -> None:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog="episodes", description="Look through recorded demonstrations, and edit them."
-    )
+    parser = CommandParser(prog="episodes", description="Look through recorded demonstrations, and edit them.")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
 
     def add(name: str, do: Command, text: str) -> argparse.ArgumentParser:

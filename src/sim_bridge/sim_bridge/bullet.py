@@ -10,7 +10,7 @@ from contextlib import contextmanager
 
 @contextmanager
 def _silent_stderr() -> Iterator[None]:
-    """The line comes from C, so the file descriptor itself is turned away."""
+    """Turn file descriptor 2 away for a while: the line comes from C."""
     sys.stderr.flush()
     kept = os.dup(2)
     nowhere = os.open(os.devnull, os.O_WRONLY)

@@ -1,4 +1,4 @@
-"""Puts things that no sentence names beside a task's own, in free room (docs/benchmark.md, "World and observation")."""
+"""Adds things that no sentence names to a task's scene, on free ground (docs/benchmark.md, "World and observation")."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ Disc = tuple[float, float, float]  # x, y and radius [m]
 
 @dataclass(frozen=True)
 class ClutterConfig:
-    """How many things are added, from `least` to `most`; margin: around all that is swept or folded [m].
+    """Range of the number of things that are added, `least` to `most`; margin: around all that is swept or folded [m].
 
     Raises:
         SimulationError: when that is no range.
@@ -74,7 +74,7 @@ def add_clutter(
 def _free_pose(
     world: SimWorld, shape: Shape, kept_free: npt.NDArray[np.float64], rng: np.random.Generator
 ) -> PlanarPose | None:
-    """A place drawn uniformly from all that are free; None where there is none. rng is drawn from alike in both."""
+    """Return a pose drawn uniformly from all free ones; None where there is none. Both draw equally often from rng."""
     workspace = world.config.workspace
     free = distance_to_things(world, world.objects) >= shape.radius + GAP
     taken = [thing for thing in world.objects if is_graspable(thing)]
@@ -90,7 +90,7 @@ def _free_pose(
 
 
 def _kept_free(world: SimWorld, task: Task, config: ClutterConfig) -> npt.NDArray[np.float64]:
-    """(rows, cols) from each pixel to the nearest place that the task needs for what it does [m], negative within."""
+    """Return (rows, cols) distance from each pixel to the nearest place that the task needs [m], negative within it."""
     workspace = world.config.workspace
     discs = _target_discs(task)
     distance = np.full(workspace.shape, np.inf)
@@ -103,7 +103,7 @@ def _kept_free(world: SimWorld, task: Task, config: ClutterConfig) -> npt.NDArra
 
 
 def _target_discs(task: Task) -> list[Disc]:
-    """Around every target, with room for fingers beside the largest thing that may come there."""
+    """Return a disc around every target, wide enough for fingers beside the largest thing that may come there."""
     if not isinstance(task, GoalTask):
         return []
     discs = [disc for goal in task.goals for disc in _discs_of(goal)]
@@ -122,7 +122,7 @@ def _discs_of(goal: Goal) -> list[Disc]:
 
 
 def _hull_distance(world: SimWorld, discs: list[Disc]) -> npt.NDArray[np.float64]:
-    """(rows, cols) from each pixel to the convex hull of everything and of all targets [m]."""
+    """Return (rows, cols) distance from each pixel to the convex hull of all things and all targets [m]."""
     workspace = world.config.workspace
     corners = [outline(world, thing) for thing in world.objects] + [np.array([[x, y]]) for x, y, _ in discs]
     hull = cv2.convexHull(np.concatenate(corners).astype(np.float32)).reshape(-1, 2)
@@ -133,7 +133,7 @@ def _hull_distance(world: SimWorld, discs: list[Disc]) -> npt.NDArray[np.float64
 
 
 def _pixel_centres(workspace: WorkspaceSpec) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-    """x (cols,) and y (rows, 1) [m]."""
+    """Return the pixels' centres, x (cols,) and y (rows, 1) [m]."""
     x = workspace.x_min + (np.arange(workspace.cols, dtype=np.float64) + 0.5) * workspace.pixel_size
     y = workspace.y_min + (np.arange(workspace.rows, dtype=np.float64) + 0.5) * workspace.pixel_size
     return x, y[:, None]

@@ -27,7 +27,7 @@ UNSEEN_PALETTE = ("blue", "red", "green", "orange", "purple", "pink", "white")
 
 
 def rgb(name: str) -> Rgb:
-    """0..255 RGB of a colour name.
+    """Return a colour name's RGB, 0..255.
 
     Raises:
         UnknownNameError: when the benchmark has no such colour.
@@ -38,7 +38,7 @@ def rgb(name: str) -> Rgb:
 
 
 def random_brown(rng: np.random.Generator) -> Rgb:
-    """A lighter or darker brown (docs/benchmark.md, "Colours")."""
+    """Draw a lighter or darker brown (docs/benchmark.md, "Colours")."""
     shade = rng.uniform(0.5, 1.5)
     r, g, b = (round(shade * channel) for channel in COLORS["brown"])
     return r, g, b

@@ -32,18 +32,18 @@ _IMAGE_TYPES = {"rgb8": (np.uint8, 3), "32FC1": (np.float32, 1)}
 
 
 def time_to_msg(seconds: float) -> TimeMsg:
-    """Stamp of a time [s], zero or later."""
+    """Return the stamp of a time [s], zero or later."""
     whole, nanoseconds = divmod(round(seconds * 1e9), 1_000_000_000)
     return TimeMsg(sec=whole, nanosec=nanoseconds)
 
 
 def time_from_msg(msg: TimeMsg | DurationMsg) -> float:
-    """Seconds of a stamp or a duration."""
+    """Return a stamp or a duration in seconds."""
     return msg.sec + msg.nanosec * 1e-9
 
 
 def image_to_msg(pixels: npt.NDArray[np.generic], encoding: str, frame_id: str, time: float) -> Image:
-    """Image of pixels (H, W, 3) uint8 as rgb8 or (H, W) float32 as 32FC1."""
+    """Return the message of pixels: (H, W, 3) uint8 as rgb8, or (H, W) float32 as 32FC1."""
     kind, channels = _IMAGE_TYPES[encoding]
     height, width = pixels.shape[:2]
     if pixels.dtype != kind or pixels.size != height * width * channels:
@@ -61,14 +61,14 @@ def image_to_msg(pixels: npt.NDArray[np.generic], encoding: str, frame_id: str, 
 
 
 def image_from_msg(msg: Image) -> npt.NDArray[np.generic]:
-    """Pixels (H, W, 3) uint8 of an rgb8 image or (H, W) float32 of a 32FC1 one."""
+    """Return the pixels of an rgb8 image, (H, W, 3) uint8, or of a 32FC1 image, (H, W) float32."""
     kind, channels = _IMAGE_TYPES[msg.encoding]
     shape = (msg.height, msg.width, 3) if channels == 3 else (msg.height, msg.width)
     return np.frombuffer(msg.data, dtype=kind).reshape(shape)
 
 
 def camera_info_to_msg(camera: CameraModel, frame_id: str, time: float) -> CameraInfo:
-    """CameraInfo of an unrectified monocular camera."""
+    """Return the CameraInfo of an unrectified monocular camera."""
     msg = CameraInfo(height=camera.height, width=camera.width, distortion_model=camera.distortion_model)
     msg.header.frame_id = frame_id
     msg.header.stamp = time_to_msg(time)
@@ -80,7 +80,7 @@ def camera_info_to_msg(camera: CameraModel, frame_id: str, time: float) -> Camer
 
 
 def transform_to_msg(child_in_parent: Pose, parent: str, child: str, time: float) -> TransformStamped:
-    """Stamped transform with the pose of frame `child` in frame `parent`."""
+    """Return the stamped transform with the pose of frame `child` in frame `parent`."""
     msg = TransformStamped(child_frame_id=child)
     msg.header.frame_id = parent
     msg.header.stamp = time_to_msg(time)
@@ -97,7 +97,7 @@ def joint_state_to_msg(
     efforts: npt.ArrayLike,
     time: float,
 ) -> JointState:
-    """JointState with as many rad (m), rad/s (m/s) and N m (N) as names."""
+    """Return a JointState with as many positions [rad, m], velocities and efforts [N m] as names."""
     msg = JointState(name=list(names))
     msg.header.stamp = time_to_msg(time)
     msg.position, msg.velocity, msg.effort = (
@@ -107,7 +107,7 @@ def joint_state_to_msg(
 
 
 def trajectory_goal_from_msg(msg: FollowJointTrajectory.Goal) -> TrajectoryGoal:
-    """Goal of the arm's controller; raises GoalRejectedError for what a joint controller cannot follow."""
+    """Return the goal of the arm's controller; raises GoalRejectedError for what a joint controller cannot follow."""
     if msg.multi_dof_trajectory.points or msg.component_path_tolerance or msg.component_goal_tolerance:
         raise GoalRejectedError(ErrorCode.INVALID_GOAL, "multi-DOF trajectories are not supported by this controller")
     stamp = time_from_msg(msg.trajectory.header.stamp)
@@ -132,7 +132,7 @@ def trajectory_goal_from_msg(msg: FollowJointTrajectory.Goal) -> TrajectoryGoal:
 def trajectory_feedback_to_msg(
     feedback: TrajectoryFeedback, joint_names: Sequence[str]
 ) -> FollowJointTrajectory.Feedback:
-    """Desired, actual and error (desired - actual) of each joint."""
+    """Return desired, actual and error (desired - actual) of each joint."""
     msg = FollowJointTrajectory.Feedback(joint_names=list(joint_names))
     msg.header.stamp = time_to_msg(feedback.time)
     desired = feedback.desired
@@ -143,24 +143,24 @@ def trajectory_feedback_to_msg(
 
 
 def trajectory_result_to_msg(execution: TrajectoryExecution) -> FollowJointTrajectory.Result:
-    """Error code and text of a goal that has ended."""
+    """Return error code and text of a goal that has ended."""
     return FollowJointTrajectory.Result(error_code=int(execution.error_code), error_string=execution.error_string)
 
 
 def gripper_goal_from_msg(msg: GripperCommandAction.Goal) -> GripperGoal:
-    """Goal of the hand's controller: half a width."""
+    """Return the goal of the hand's controller: half a width."""
     return GripperGoal(msg.command.position, msg.command.max_effort)
 
 
 def gripper_result_to_msg(result: GripperResult) -> GripperCommandAction.Result:
-    """Result of the hand; its position is the full width."""
+    """Return the hand's result; its position is the full width."""
     return GripperCommandAction.Result(
         position=result.width, effort=result.effort, stalled=result.stalled, reached_goal=result.reached_goal
     )
 
 
 def gripper_feedback_to_msg(result: GripperResult) -> GripperCommandAction.Feedback:
-    """Feedback of the hand; its position is the full width."""
+    """Return the hand's feedback; its position is the full width."""
     return GripperCommandAction.Feedback(
         position=result.width, effort=result.effort, stalled=result.stalled, reached_goal=result.reached_goal
     )

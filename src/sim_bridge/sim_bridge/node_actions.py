@@ -47,7 +47,7 @@ class ControllerAction(ABC):
 
     @abstractmethod
     def _decode(self, request: Any) -> Any:
-        """The goal as the controller knows it. Raises SimBridgeError when there is no such goal."""
+        """Return the goal as the controller takes it. Raises SimBridgeError for a request that holds none."""
 
     @abstractmethod
     def _check(self, goal: Any) -> None:
@@ -63,11 +63,11 @@ class ControllerAction(ABC):
 
     @abstractmethod
     def _feedback(self) -> Any | None:
-        """Feedback message of now; on the loop's thread."""
+        """Return the feedback message for this moment; on the loop's thread."""
 
     @abstractmethod
     def _result(self, execution: Any | None, message: str = "") -> Any:
-        """Result message of an execution that ended, or of a goal that was not even started."""
+        """Return the result message of an execution that ended, or of a goal that was never started."""
 
     def _accept(self, request: Any) -> GoalResponse:
         try:

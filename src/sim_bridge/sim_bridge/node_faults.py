@@ -35,16 +35,16 @@ class FaultInjection:
 
     @property
     def camera_frozen(self) -> bool:
-        """Whether the camera publishes nothing."""
+        """True if the camera publishes nothing."""
         return self._on["freeze_camera"]
 
     @property
     def depth_lost(self) -> bool:
-        """Whether the depth image has no valid pixel."""
+        """True if the depth image has no valid pixel."""
         return self._on["depth_all_nan"]
 
     def started(self, execution: TrajectoryExecution, time: float) -> None:
-        """A trajectory begins at simulated `time` [s]: it is the victim when one was asked for."""
+        """Note that a trajectory begins at simulated `time` [s]; it is the victim if one was asked for."""
         if self._on["abort_next_trajectory"]:
             self._victim = (execution, time + ABORT_AFTER_S)
             self._node.set_parameters([Parameter("abort_next_trajectory", value=False)])

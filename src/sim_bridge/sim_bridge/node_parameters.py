@@ -22,7 +22,7 @@ class ParameterError(SimBridgeError):
 
 @dataclass(frozen=True)
 class SimParameters:
-    """What the node is told at its start. Rates in Hz of simulated time, times in s, widths in m.
+    """Parameters of the node, read at its start. Rates in Hz of simulated time, times in s, widths in m.
 
     `trajectory_log` is the path of a file that gets a JSON line for each accepted trajectory; empty for none.
     `heartbeat_timeout` is wall time. `render_threads` 0 uses every core. `robot` is a preset of panda_model: its names
@@ -91,7 +91,7 @@ def declare_parameters(node: Node) -> tuple[SimParameters, NoiseConfig]:
 
 
 def _declare(node: Node, name: str, default: Any) -> Any:
-    """Value of a parameter, of its default's type; whole numbers do for fractions."""
+    """Declare a parameter and return its value, of its default's type; an integer is accepted for a float."""
     descriptor = ParameterDescriptor(dynamic_typing=True, description=f"{type(default).__name__}; set at the start")
     value = node.declare_parameter(name, default, descriptor).value
     if isinstance(default, float) and isinstance(value, int) and not isinstance(value, bool):

@@ -77,7 +77,7 @@ class SceneServices:
             self._judge()
 
     def _judge(self) -> None:
-        """Once an action: goals that are fulfilled without one do not count yet."""
+        """Judge the scene once for each action: goals that are fulfilled without one do not count yet."""
         at_home = np.abs(self._world.panda.state().positions - ROBOT.ready).max() <= _HOME_TOLERANCE
         if self._task is not None and self._was_away and at_home and self._loop.arm.active is None:
             self._was_away = False
@@ -99,7 +99,8 @@ class SceneServices:
         return response
 
     def _score_now(self) -> tuple[float, bool, str]:
-        """Of the last action: nothing is judged while the arm is away, for what it carries may only pass by."""
+        """Return the last action's score, done and sentence; while the arm is away
+        nothing is judged: what it carries may only pass by."""
         task = self._present()
         self._judge()
         return float(task.score()), bool(task.done()), task.instruction

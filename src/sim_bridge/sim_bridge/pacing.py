@@ -1,4 +1,4 @@
-"""How many physics steps are due: simulated time that follows wall time, and never chases it for ever."""
+"""Number of physics steps that are due: simulated time follows wall time, and drops what it cannot catch up with."""
 
 from __future__ import annotations
 

@@ -26,7 +26,7 @@ _FINGERTIP_FRICTION = 1.5
 
 @dataclass(frozen=True, eq=False)
 class ArmState:
-    """What the arm's encoders say: rad, rad/s, N m for the joints; m, m/s for each of the two fingers."""
+    """Reading of the arm's encoders: rad, rad/s, N m for the joints; m, m/s for each of the two fingers."""
 
     positions: FloatArray  # (7,)
     velocities: FloatArray  # (7,)
@@ -67,7 +67,7 @@ class PandaArm:
         self.reset_home()
 
     def state(self) -> ArmState:
-        """Positions, velocities and motor efforts now."""
+        """Return positions, velocities and motor efforts as they are now."""
         arm = pybullet.getJointStates(self.body, self._arm_joints, physicsClientId=self._client)
         fingers = pybullet.getJointStates(self.body, self._finger_joints, physicsClientId=self._client)
         return ArmState(
@@ -135,11 +135,11 @@ class PandaArm:
         self.command_fingers(HAND.opening, 20.0)
 
     def tcp_in_base(self) -> Pose:
-        """Pose of the tcp in the base frame."""
+        """Return the pose of the tcp in the base frame."""
         return self.link_pose(self._hand) @ _TCP_IN_HAND
 
     def link_pose(self, link: int) -> Pose:
-        """Pose of the URDF frame of a link index (-1 is the base) in the base frame."""
+        """Return the pose of a link's URDF frame in the base frame; link: its index, -1 for the base."""
         if link < 0:
             return Pose.identity()
         state = pybullet.getLinkState(self.body, link, computeForwardKinematics=True, physicsClientId=self._client)

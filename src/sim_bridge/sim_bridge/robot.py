@@ -1,4 +1,4 @@
-"""The arm and hand that PyBullet's data has a model of, and for which the tasks leave room."""
+"""The arm and hand that PyBullet's data has a model of, and for whose dimensions the tasks are laid out."""
 
 from panda_model import load_preset
 

@@ -15,15 +15,15 @@ LARGEST_SEED = 2**63 - 1  # what files and messages hold
 
 
 def reset_scene(world: SimWorld, task_name: str, split: str, seed: int, instruction: str = "") -> Task:
-    """Empty the world, put the arm at home and set a task's scene up; return the task.
+    """Make a task's scene in an emptied world with the arm at home, and return the task.
 
-    A scene without room for something, or whose objects fly apart, is drawn again; `redraws` of the task counts them.
+    A scene in which a thing finds no free place, or whose objects fly apart, is drawn again: the task's `redraws`.
     instruction: when not empty, the scene is made for the goal that it names.
 
     Raises:
         UnknownNameError: on an unknown task or split, naming the nearest ones.
         GoalError: when the instruction names no goal that the task knows.
-        LayoutError: when the objects found no room in `max_layouts` drawn scenes.
+        LayoutError: when an object found no free place in `max_layouts` drawn scenes.
         PhysicsError: when the objects flew apart in the last of them.
         SimulationError: on a seed out of range.
     """

@@ -25,9 +25,13 @@ class SteppedWorld(Protocol):
     panda: Any
 
     @property
-    def time(self) -> float: ...
+    def time(self) -> float:
+        """Simulated time [s]."""
+        ...
 
-    def step(self) -> None: ...
+    def step(self) -> None:
+        """Advance physics by one step."""
+        ...
 
 
 @dataclass

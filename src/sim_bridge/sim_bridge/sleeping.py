@@ -1,4 +1,4 @@
-"""Many small things cost much physics: those that rest untouched may sleep until something touches them."""
+"""Sleep of small things: those that rest untouched cost no physics until something touches them."""
 
 from __future__ import annotations
 
@@ -8,16 +8,16 @@ from sim_bridge.bullet import pybullet
 from sim_bridge.objects.shape import SceneObject
 from sim_bridge.world import SimWorld
 
-_FIRST_STEPS = 4  # after which what is about to fall does
+_FIRST_STEPS = 4  # physics steps, enough for what is about to fall to begin
 
 
 def let_sleep(world: SimWorld, things: Iterable[SceneObject]) -> None:
-    """From now on they fall asleep two seconds after they came to rest."""
+    """Allow things to fall asleep two seconds after they have come to rest."""
     _set(world, things, pybullet.ACTIVATION_STATE_ENABLE_SLEEPING)
 
 
 def sleep_where_still(world: SimWorld) -> None:
-    """What may sleep (see let_sleep) and rests does so at once, and costs nothing until something wakes it."""
+    """Put every thing that may sleep (see let_sleep) and rests to sleep at once, until something wakes it."""
     for thing in world.objects:
         if not thing.fixed and world.is_still(thing):
             # linked things never stop trembling by themselves, and trembling wakes
@@ -26,7 +26,7 @@ def sleep_where_still(world: SimWorld) -> None:
 
 
 def come_to_rest(world: SimWorld) -> None:
-    """Settle with as little awake as can be, and sleep.
+    """Settle with as few things awake as possible, then put them to sleep.
 
     Raises:
         PhysicsError: see SimWorld.settle.
@@ -39,7 +39,7 @@ def come_to_rest(world: SimWorld) -> None:
 
 
 def wake(world: SimWorld, things: Iterable[SceneObject]) -> None:
-    """For what is pulled by something else than a touch."""
+    """Wake things that are about to be pulled by something else than a touch."""
     _set(world, things, pybullet.ACTIVATION_STATE_WAKE_UP)
 
 

@@ -16,10 +16,10 @@ from sim_bridge.errors import PhysicsError, SimulationError
 from sim_bridge.objects import SceneObject, Shape
 from sim_bridge.panda import PandaArm
 
-_STEEP = 0.7  # an axis with a larger vertical part stands upright
-_FAR = 2.0  # nothing belongs farther from the base [m]
+_STEEP_COSINE = 0.7  # an axis with a larger vertical part stands upright
+_MAX_DISTANCE = 2.0  # of an object from the base, along each axis [m]
 _TABLE_HALF = (2.0, 2.0, 0.25)  # half edges of the slab about the origin whose top is the table's [m]
-_IMPOSSIBLE_SPEED = 20.0  # [m/s]
+_MAX_SPEED = 20.0  # of an object that did not fly off [m/s]
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,7 @@ class SimWorld:
 
     @property
     def objects(self) -> Sequence[SceneObject]:
-        """What lies on the table, in the order in which it was added."""
+        """Things on the table, in the order in which they were added."""
         return tuple(self._objects)
 
     def clear(self) -> None:
@@ -100,7 +100,7 @@ class SimWorld:
         self._steps += 1
 
     def settle(self) -> bool:
-        """Step until every object rests or `max_settle_s` passed; whether they rest.
+        """Run physics until every object rests or `max_settle_s` passed; return True if they rest.
 
         Raises:
             PhysicsError: when an object left the scene or moves impossibly fast.
@@ -115,7 +115,7 @@ class SimWorld:
     def add(
         self, shape: Shape, pose: Pose, color: str = "", paint: Rgb | None = None, fixed: bool = False
     ) -> SceneObject:
-        """A thing of that shape at that pose, at rest; a fixed one never moves.
+        """Add a thing of that shape at that pose, at rest, and return it; a fixed one never moves.
 
         color: of the benchmark's; paint: 0..255, for what has a colour of its own; white when neither is given.
 
@@ -147,28 +147,29 @@ class SimWorld:
         self._objects.remove(thing)
 
     def object_pose(self, thing: SceneObject) -> Pose:
-        """Pose of the object's centre in the base frame."""
+        """Return the pose of the object's centre in the base frame."""
         position, quaternion = pybullet.getBasePositionAndOrientation(thing.body, physicsClientId=self.client)
         return Pose.from_quaternion_xyzw(np.asarray(quaternion), np.asarray(position))
 
     def object_xy(self, thing: SceneObject) -> npt.NDArray[np.float64]:
-        """(2,) centre of the object [m]."""
+        """Return the centre of the object, (2,) [m]."""
         return self.object_pose(thing).translation[:2]
 
     def object_yaw(self, thing: SceneObject) -> float:
-        """Turn of the object's x axis about z [rad]; where that axis stands upright, of its y axis less a quarter."""
+        """Return the angle of the object's x axis about z [rad]; where that axis
+        stands upright, that of its y axis less a quarter."""
         rotation = self.object_pose(thing).rotation
-        if abs(rotation[2, 0]) < _STEEP:
+        if abs(rotation[2, 0]) < _STEEP_COSINE:
             return math.atan2(rotation[1, 0], rotation[0, 0])
         return math.atan2(rotation[1, 1], rotation[0, 1]) - math.pi / 2
 
     def planar_pose(self, thing: SceneObject) -> PlanarPose:
-        """Where the object is on the table, and its yaw."""
+        """Return the object's place on the table and its yaw."""
         x, y = self.object_xy(thing)
         return PlanarPose(float(x), float(y), self.object_yaw(thing))
 
     def is_still(self, thing: SceneObject) -> bool:
-        """Whether an object moves slower than `settled_speed`."""
+        """Return True if an object moves slower than `settled_speed`."""
         linear, _ = pybullet.getBaseVelocity(thing.body, physicsClientId=self.client)
         return math.hypot(*linear) < self.config.settled_speed
 
@@ -192,12 +193,12 @@ class SimWorld:
         return all(thing.fixed or self.is_still(thing) for thing in self._objects)
 
     def _check(self) -> None:
-        """Physics that explodes must not become a score."""
+        """Raise PhysicsError where an object flew off: physics that explodes must not become a score."""
         for thing in self._objects:
             if thing.fixed:
                 continue
             at = self.object_pose(thing).translation
             linear, _ = pybullet.getBaseVelocity(thing.body, physicsClientId=self.client)
             speed = float(np.linalg.norm(linear))
-            if not (np.isfinite(at).all() and np.abs(at).max() < _FAR and speed < _IMPOSSIBLE_SPEED):
+            if not (np.isfinite(at).all() and np.abs(at).max() < _MAX_DISTANCE and speed < _MAX_SPEED):
                 raise PhysicsError(f"the {thing.described} flew off to {np.round(at, 2).tolist()} m at {speed:.0f} m/s")

@@ -1,4 +1,4 @@
-"""Where everything visible is at one moment: enough to render while the world moves on."""
+"""Poses of everything visible at one moment: enough to render while the world moves on."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class PandaSnapshot:
         self._poses = {index: panda.link_pose(index) for index in (-1, *panda.link_indices.values())}
 
     def link_pose(self, link: int) -> Pose:
-        """Pose of the URDF frame of a link index (-1 is the base) in the base frame."""
+        """Return the pose of a link's URDF frame in the base frame; link: its index, -1 for the base."""
         return self._poses[link]
 
 
@@ -32,5 +32,5 @@ class WorldSnapshot:
         self._poses = {thing: world.object_pose(thing) for thing in self.objects}
 
     def object_pose(self, thing: SceneObject) -> Pose:
-        """Pose of the object's centre in the base frame."""
+        """Return the pose of the object's centre in the base frame."""
         return self._poses[thing]

@@ -178,7 +178,7 @@ def add_until_full(world: SimWorld, rng: np.random.Generator) -> None:
 def test_free_places_leave_room_for_fingers_and_end_in_an_error(world: SimWorld) -> None:
     rng = np.random.default_rng(3)
     spec = world.config.workspace
-    with pytest.raises(LayoutError, match="no room for another block"):
+    with pytest.raises(LayoutError, match="no free place for another block"):
         add_until_full(world, rng)
     placed = list(world.objects)
     assert len(placed) >= 12

@@ -11,6 +11,7 @@ from typing import Any
 
 import yaml
 
+from cliport_core.command_line import CommandParser
 from cliport_policy.config import RECIPES, TrainConfig
 from cliport_policy.data.demonstrations import CACHE_BYTES
 from cliport_policy.errors import ConfigError
@@ -76,7 +77,7 @@ def parse_options(argv: Sequence[str] | None) -> TrainOptions:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = CommandParser(
         prog="train", description="Train a policy on demonstrations; run again with the same --out, it resumes."
     )
     add = parser.add_argument

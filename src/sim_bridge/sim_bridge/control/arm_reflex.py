@@ -1,4 +1,4 @@
-"""What an arm can do: limits of its joints, and the reflexes with which it refuses commands that jump."""
+"""Limits of an arm's joints, and the reflexes with which it refuses commands that jump."""
 
 from __future__ import annotations
 
@@ -16,10 +16,14 @@ class JointStates(Protocol):
     """Measured joints in the controller's order: positions (7,) [rad], velocities (7,) [rad/s]."""
 
     @property
-    def positions(self) -> Array: ...
+    def positions(self) -> Array:
+        """Positions (7,) [rad]."""
+        ...
 
     @property
-    def velocities(self) -> Array: ...
+    def velocities(self) -> Array:
+        """Velocities (7,) [rad/s]."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -71,7 +75,7 @@ def reflex_fault(
     command: JointCommand,
     config: ArmControllerConfig,
 ) -> str | None:
-    """Say what a real arm's reflex objects to in following `spline` from `time` [s] on; None when nothing.
+    """Return a real arm's objection to following `spline` from `time` [s] on; None where it has none.
 
     `state` is what the arm does, `command` what it was last told.
     """

@@ -1,4 +1,4 @@
-"""Where an action goal stands."""
+"""Status of an action goal."""
 
 from __future__ import annotations
 
@@ -16,5 +16,5 @@ class GoalStatus(Enum):
 
     @property
     def final(self) -> bool:
-        """Whether the goal has ended."""
+        """True if the goal has ended."""
         return self not in (GoalStatus.EXECUTING, GoalStatus.CANCELING)

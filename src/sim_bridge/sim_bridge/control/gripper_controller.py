@@ -39,10 +39,14 @@ class FingerStates(Protocol):
     """Measured fingers: distance of each from the middle (2,) [m] and its speed (2,) [m/s]."""
 
     @property
-    def finger_positions(self) -> Array: ...
+    def finger_positions(self) -> Array:
+        """Distances from the middle (2,) [m]."""
+        ...
 
     @property
-    def finger_velocities(self) -> Array: ...
+    def finger_velocities(self) -> Array:
+        """Speeds (2,) [m/s]."""
+        ...
 
 
 class GripperGoalError(SimBridgeError):
@@ -83,7 +87,7 @@ class GripperGoal:
 
 @dataclass(frozen=True)
 class GripperCommand:
-    """What the fingers are told: full width [m] and the greatest force of each finger [N]."""
+    """Command to the fingers: full width [m] and the greatest force of each finger [N]."""
 
     width: float
     max_effort: float
@@ -91,7 +95,7 @@ class GripperCommand:
 
 @dataclass(frozen=True)
 class GripperResult:
-    """What the hand reports: full `width` [m], `effort` [N], and how the motion went."""
+    """Result of the hand: full `width` [m], `effort` [N], and the two flags of GripperCommand's result."""
 
     width: float
     effort: float
@@ -110,7 +114,7 @@ class GripperExecution:
 
     @property
     def done(self) -> bool:
-        """Whether the status is final."""
+        """True if the status is final."""
         return self.status.final
 
     def _finish(self, status: GoalStatus, result: GripperResult, message: str = "") -> None:
@@ -182,11 +186,11 @@ class GripperController:
         self._target = self._width = None
 
     def feedback(self) -> GripperResult:
-        """Full width and effort now."""
+        """Return the full width and the effort as they are now."""
         return self._report(reached_goal=False)
 
     def update(self, time: float, state: FingerStates) -> GripperCommand:
-        """Advance to `time` [s] with the measured `state` and return what to command now."""
+        """Return the command for `time` [s], given the measured `state`."""
         passed = max(time - self._time, 0.0)
         self._time = time
         self._width = float(np.sum(state.finger_positions))

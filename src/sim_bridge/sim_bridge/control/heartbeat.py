@@ -32,7 +32,8 @@ class HeartbeatWatchdog:
         self._watching = True
 
     def tick(self, now: float, moving: bool) -> bool:
-        """Advance to wall time `now` [s]; True, once, when the driver has gone silent while `moving`."""
+        """Return True at the first tick at which the driver has been silent too
+        long while `moving`; now: wall time [s]."""
         passed = self.period if self._last_tick is None else now - self._last_tick
         self._last_tick = now
         if moving and not self._moving:

@@ -42,7 +42,7 @@ __all__ = [
 
 @dataclass(frozen=True)
 class TrajectoryFeedback:
-    """What the arm should do and what it does at `time` [s]; arrays (7,) in rad and rad/s."""
+    """Desired and actual motion at `time` [s]; arrays (7,) in rad and rad/s."""
 
     time: float
     desired: JointCommand
@@ -61,7 +61,7 @@ class TrajectoryExecution:
 
     @property
     def done(self) -> bool:
-        """Whether the status is final."""
+        """True if the status is final."""
         return self.status.final
 
     def _finish(self, status: GoalStatus, code: ErrorCode = ErrorCode.SUCCESSFUL, message: str = "") -> None:
@@ -149,13 +149,13 @@ class JointTrajectoryController:
         self._spline = self._command = self._state = None
 
     def feedback(self) -> TrajectoryFeedback | None:
-        """Desired and actual motion of the last update; None before the first one."""
+        """Return the desired and actual motion of the last update; None before the first one."""
         if self._command is None or self._state is None:
             return None
         return TrajectoryFeedback(self._time, self._command, self._state.positions, self._state.velocities)
 
     def update(self, time: float, state: JointStates) -> JointCommand:
-        """Advance to `time` [s] with the measured `state` and return what to command now."""
+        """Return the command for `time` [s], given the measured `state`."""
         self._time, self._state = time, state
         if self._command is None:
             self._command = at_rest(state.positions)
@@ -187,7 +187,7 @@ class JointTrajectoryController:
         )
 
     def _fit(self, goal: TrajectoryGoal, time: float, state: JointStates, command: JointCommand) -> TrajectorySpline:
-        """Spline of `goal` by the controller's clock and joints, led in from what the arm does now."""
+        """Fit a spline to `goal` in the controller's clock and joint order, beginning with the arm's present motion."""
         order = [goal.joint_names.index(name) for name in self.config.joint_names]
         start = time if goal.start_time is None else goal.start_time
         knots = [
@@ -257,7 +257,7 @@ class JointTrajectoryController:
 def _tolerances(
     given: Mapping[str, JointTolerance], names: Sequence[str], position: float, velocity: float
 ) -> tuple[Array, Array]:
-    """Resolve tolerances to arrays (joints,); infinite where a check is off."""
+    """Return tolerances as arrays (joints,); infinite where a check is off."""
 
     def resolve(value: float, default: float) -> float:
         value = default if value == 0.0 else value

@@ -1,4 +1,4 @@
-"""What a FollowJointTrajectory goal asks for, and when a controller refuses it.
+"""Content of a FollowJointTrajectory goal, and the reasons for which a controller refuses it.
 
 The rules are those of ros2_controllers' joint_trajectory_controller, which real arms run.
 """

@@ -85,7 +85,7 @@ class TrajectorySpline:
 
 
 def _segment(left: Knot, right: Knot) -> Array:
-    """Coefficients (6, joints) from `left` to `right`; h is the segment's duration."""
+    """Return coefficients (6, joints) of the polynomial from `left` to `right`; h: its duration [s]."""
     h = right.time - left.time
     coefficients = np.zeros((6, len(left.positions)))
     coefficients[0] = left.positions

@@ -19,7 +19,7 @@ def shoe(
     studs: Rgb | None = None,
     inside: Rgb = (70, 66, 64),
 ) -> Parts:
-    """A low shoe with three slanting stripes on both sides; with studs it is for the lawn."""
+    """Return a low shoe with three slanting stripes on both sides; with studs it is for the lawn."""
     side = ((-70, -18), (62, -18), (66, 0), (40, 8), (4, 26), (-24, 30), (-72, 34))
     body = Prism(upper, side, 2 * _HALF - 4, turn=(90, 0, 0), pieces=((0, 1, 2, 3), (0, 3, 4, 5, 6)))
     cap = Ball(toe or upper, (26, _HALF - 1, 19), at=(52, 0, -12))
@@ -51,7 +51,7 @@ def shoe(
 
 
 def boot(leather: Rgb, sole: Rgb, laces: Rgb) -> Parts:
-    """A boot with a high shaft and laces up its front."""
+    """Return a boot with a high shaft and laces up its front."""
     side = ((-64, -44), (54, -44), (60, -22), (34, -12), (-4, 10), (-8, 54), (-66, 54))
     body = Prism(leather, side, 2 * _HALF - 4, turn=(90, 0, 0), pieces=((0, 1, 2, 3), (0, 3, 4), (0, 4, 5, 6)))
     heights = (-6, 4, 16, 28, 40)
@@ -68,12 +68,12 @@ def boot(leather: Rgb, sole: Rgb, laces: Rgb) -> Parts:
 
 
 def _front(z: float) -> float:
-    """Where a boot's front is at that height."""
+    """Return where a boot's front is at that height."""
     return 18.0 - 1.6 * (z + 4.0) if z < 10.0 else -5.0 - (z - 10.0) * 0.1
 
 
 def flip_flop(sole: Rgb, strap: Rgb) -> Parts:
-    """A sandal of a sole and two straps that meet between the toes."""
+    """Return a sandal of a sole and two straps that meet between the toes."""
     outline: Sequence[tuple[float, float]] = (
         (-74, -14), (-64, -24), (-30, -25), (20, -31), (52, -29), (72, -16), (76, 2), (66, 22), (40, 30), (0, 27),
         (-40, 25), (-66, 23), (-74, 12),
@@ -86,7 +86,7 @@ def flip_flop(sole: Rgb, strap: Rgb) -> Parts:
 
 
 def hat(felt: Rgb, band: Rgb) -> Parts:
-    """A hat with an oval brim, a dented crown and a ribbon."""
+    """Return a hat with an oval brim, a dented crown and a ribbon."""
     crown = ((49, 0, band), (48, 15, felt), (45, 40, felt), (34, 48, felt))
     return (
         Turned(((66, -6, felt), (70, -3, felt), (70, 2, felt)), oval=0.56),

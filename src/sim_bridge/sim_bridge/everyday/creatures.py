@@ -8,12 +8,12 @@ from sim_bridge.everyday.primitives import Ball, Parts, Point, Primitive, Prism,
 
 
 def eyes(x: float, y: float, z: float, size: float = 4.0, color: Rgb = BLACK) -> Parts:
-    """A pair of eyes on both sides of the xz plane."""
+    """Return a pair of eyes on both sides of the xz plane."""
     return tuple(Ball(color, (size, size, size), at=(x, side * y, z), solid=False) for side in (-1, 1))
 
 
 def four_legged(coat: Rgb, head: Rgb, snout: Rgb, feet: Rgb) -> Parts:
-    """Trunk, four legs, a head with a snout and eyes; ears, tail and the rest are put on by whoever uses it."""
+    """Return trunk, four legs, a head with a snout, and eyes; ears, tail and the rest are added by the caller."""
     legs: list[Primitive] = []
     for x, y in ((32, 16), (32, -16), (-34, 16), (-34, -16)):
         legs += [Rod(coat, (x, y, 2), (x, y, -34), 11), Rod(feet, (x, y, -33), (x, y, -44), 12)]
@@ -27,13 +27,13 @@ def four_legged(coat: Rgb, head: Rgb, snout: Rgb, feet: Rgb) -> Parts:
 
 
 def ears(color: Rgb, size: Point, at: Point, lean: float) -> Parts:
-    """A pair of flat ears, leaning outwards by `lean` degrees."""
+    """Return a pair of flat ears, leaning outwards by `lean` degrees."""
     x, y, z = at
     return tuple(Ball(color, size, at=(x, s * y, z), turn=(-s * lean, 0, 0), solid=False) for s in (-1, 1))
 
 
 def cow() -> Parts:
-    """White with black patches, a pink muzzle and horns."""
+    """Return a white cow with black patches, a pink muzzle and horns."""
     patches = [
         Ball(BLACK, size, at=at, solid=False)
         for size, at in (
@@ -58,7 +58,7 @@ def cow() -> Parts:
 
 
 def pig() -> Parts:
-    """Pink and round, with a flat snout."""
+    """Return a round pink pig with a flat snout."""
     nose = Rod((226, 120, 150), (76, 0, 24), (92, 0, 24), 12)
     holes = [Ball(BLACK, (2.5, 2.5, 3.5), at=(92, s * 5, 25), solid=False) for s in (-1, 1)]
     tail = bent((226, 120, 150), ((-54, 0, 16), (-64, 6, 22), (-68, -4, 28), (-62, -6, 32)), 3.5)
@@ -73,7 +73,7 @@ def pig() -> Parts:
 
 
 def dog() -> Parts:
-    """Brown with hanging dark ears, a black nose and a red collar."""
+    """Return a brown dog with hanging dark ears, a black nose and a red collar."""
     coat, dark = (196, 138, 78), (96, 58, 34)
     collar = Turned(((21, -5, RED), (21, 5, RED)), at=(40, 0, 22), turn=(0, 55, 0), solid=False)
     tail = Rod(coat, (-52, 0, 16), (-74, 0, 44), 6, 4)
@@ -83,7 +83,7 @@ def dog() -> Parts:
 
 
 def lion() -> Parts:
-    """Sandy, with a big brown mane and a tufted tail."""
+    """Return a sandy lion with a big brown mane and a tufted tail."""
     sand, mane = (226, 172, 84), (142, 76, 28)
     ring = Turned(((26, -11, mane), (37, -3, mane), (37, 5, mane), (26, 12, mane)), at=(50, 0, 31), turn=(0, 80, 0))
     tail = (Rod(sand, (-54, 0, 12), (-76, 0, 34), 4), Ball(mane, (9, 8, 9), at=(-78, 0, 38)))
@@ -100,7 +100,7 @@ def lion() -> Parts:
 
 
 def unicorn() -> Parts:
-    """White, with a golden horn and a purple mane and tail."""
+    """Return a white unicorn with a golden horn and a purple mane and tail."""
     neck = Rod(WHITE, (36, 0, 10), (56, 0, 40), 17, 14)
     horn = Rod(GOLD, (64, 0, 50), (78, 0, 84), 7, 1)
     mane = [Ball(PURPLE, (12, 8, 13), at=at) for at in ((48, 0, 56), (38, 0, 46), (30, 0, 34))]
@@ -109,7 +109,7 @@ def unicorn() -> Parts:
 
 
 def dinosaur() -> Parts:
-    """Green, with a long neck and tail and orange plates along its back."""
+    """Return a green dinosaur with a long neck and tail and orange plates along its back."""
     green, belly = (84, 160, 72), (176, 206, 120)
     plates = [
         Prism(ORANGE, ((-h * 0.6, 0), (h * 0.6, 0), (0, h)), 7, at=(x, 0, z), turn=(90, 0, 0))
@@ -130,7 +130,7 @@ def dinosaur() -> Parts:
 
 
 def whale() -> Parts:
-    """Blue with a white belly and a tail fin."""
+    """Return a blue whale with a white belly and a tail fin."""
     blue = (66, 122, 190)
     fluke = ((-6, -4), (14, -34), (-12, -30), (-24, -6), (-24, 6), (-12, 30), (14, 34), (-6, 4))
     fins = [Ball(blue, (16, 12, 4), at=(10, s * 34, -10), turn=(s * 25, 0, s * -35)) for s in (-1, 1)]
@@ -154,7 +154,7 @@ def whale() -> Parts:
 
 
 def penguin() -> Parts:
-    """Upright, black with a white belly, an orange beak and feet."""
+    """Return an upright black penguin with a white belly, an orange beak and feet."""
     wings = [Ball(BLACK, (12, 6, 32), at=(0, s * 35, 0), turn=(s * 14, 0, 0)) for s in (-1, 1)]
     feet = [Ball(ORANGE, (18, 12, 6), at=(12, s * 15, -60)) for s in (-1, 1)]
     return (
@@ -170,7 +170,7 @@ def penguin() -> Parts:
 
 
 def duck() -> Parts:
-    """A yellow rubber duck with an orange beak."""
+    """Return a yellow rubber duck with an orange beak."""
     wings = [Ball((232, 178, 20), (22, 8, 15), at=(-10, s * 32, -12), solid=False) for s in (-1, 1)]
     return (
         Ball(YELLOW, (48, 36, 30), at=(-6, 0, -18)),
@@ -183,7 +183,7 @@ def duck() -> Parts:
 
 
 def teddy() -> Parts:
-    """A sitting teddy bear with a red bow."""
+    """Return a sitting teddy bear with a red bow."""
     fur, light = (164, 106, 60), (222, 180, 128)
     limbs = [Ball(fur, (13, 12, 26), at=(10, s * 33, -4), turn=(s * -28, 20, 0)) for s in (-1, 1)]
     legs = [
@@ -209,7 +209,7 @@ def teddy() -> Parts:
 
 
 def robot() -> Parts:
-    """A toy robot of boxes."""
+    """Return a toy robot of boxes."""
     arms = [
         part
         for s in (-1, 1)

@@ -36,7 +36,8 @@ _log = logging.getLogger(__name__)
 
 
 def convex_pieces(mesh: TriangleMesh) -> list[FloatArray]:
-    """Corners (N, 3) [m] of convex pieces that together are about the mesh; its convex hull where that fails."""
+    """Return corners (N, 3) [m] of convex pieces that together are about the
+    mesh; of its convex hull where that fails."""
     path = _cache_folder() / f"{_key(mesh)}.npz"
     try:
         with np.load(path, allow_pickle=False) as stored:
@@ -66,7 +67,7 @@ def _decomposed(mesh: TriangleMesh) -> list[FloatArray]:
 
 
 def _tightened(pieces: list[FloatArray], mesh: TriangleMesh) -> list[FloatArray]:
-    """V-HACD's pieces are a voxel too large: the hulls of those points of the surface that lie in each."""
+    """Return V-HACD's pieces, which are a voxel too large, cut down to the hulls of the surface's points in each."""
     surface = np.concatenate([surface_points(mesh, _SURFACE), mesh.vertices])
     tight = []
     for piece in pieces:
@@ -84,7 +85,7 @@ def _tightened(pieces: list[FloatArray], mesh: TriangleMesh) -> list[FloatArray]
 
 
 def _read(path: Path) -> list[FloatArray]:
-    """Vertices of each object of a Wavefront file."""
+    """Read the vertices of each object in a Wavefront file."""
     pieces: list[list[list[float]]] = []
     for line in path.read_text().splitlines():
         kind, *words = line.split() or [""]
@@ -96,7 +97,7 @@ def _read(path: Path) -> list[FloatArray]:
 
 
 def _even_directions(count: int) -> FloatArray:
-    """(count, 3) unit vectors, evenly over the sphere (a Fibonacci lattice)."""
+    """Return (count, 3) unit vectors, evenly over the sphere (a Fibonacci lattice)."""
     z = 1.0 - (2.0 * np.arange(count) + 1.0) / count
     angle = np.arange(count) * (np.pi * (3.0 - np.sqrt(5.0)))
     ring = np.sqrt(1.0 - z * z)
@@ -119,7 +120,7 @@ def _cache_folder() -> Path:
 
 
 def _store(path: Path, pieces: list[FloatArray]) -> None:
-    """Whole or not at all, so that other processes never read half a file."""
+    """Store pieces whole or not at all, so that other processes never read half a file."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.NamedTemporaryFile(dir=path.parent, suffix=".part", delete=False) as file:

@@ -29,7 +29,8 @@ THINNEST = 0.020  # that the camera sees well and the fingers hold [m]
 
 @dataclass(frozen=True, eq=False)
 class EverydayObject:
-    """mesh, and corners (N, 3) of the convex pieces that it collides as [m], both about its centre of mass."""
+    """An object with its mesh and the corners (N, 3) of the convex pieces that
+    it collides as [m], about its centre of mass."""
 
     name: str
     mesh: TriangleMesh
@@ -37,7 +38,7 @@ class EverydayObject:
 
     @classmethod
     def centred(cls, name: str, mesh: TriangleMesh, pieces: Sequence[FloatArray]) -> EverydayObject:
-        """Pieces merged, all moved so that their common centre of mass is the origin."""
+        """Return an object of the merged pieces, all moved so that their common centre of mass is the origin."""
         pieces = merged(pieces)
         hulls = [ConvexHull(piece) for piece in pieces]
         volumes = np.array([hull.volume for hull in hulls])
@@ -47,8 +48,8 @@ class EverydayObject:
         return cls(name, mesh.transformed(Pose(np.eye(3), -middle)), tuple(piece - middle for piece in pieces))
 
     def sized(self, edge: float, share: float = 1.0) -> Shape:
-        """For a cell whose longest edge is `edge` [m]: scaled by five times that, but no longer than it, and a flat
-        thing made thicker; `share` of that size where it must be smaller to be held."""
+        """Return the shape for a cell whose longest edge is `edge` [m]: scaled by five times that, but no longer than
+        it, and a flat thing made thicker; `share` of that size where it must be smaller to be held."""
         extent = np.ptp(self.mesh.vertices, axis=0).astype(np.float64)
         scale = share * min(SCALE_OF_EDGE * edge, edge / float(extent.max()))
         scales = np.maximum(scale, np.minimum(THINNEST / extent, scale * 4.0))
@@ -63,7 +64,7 @@ class EverydayObject:
 
 
 def _middle(piece: FloatArray, hull: ConvexHull) -> FloatArray:
-    """Centre of mass (3,) of a convex hull: of its pyramids over the hull's faces."""
+    """Return the centre of mass (3,) of a convex hull: the mean of its pyramids over the hull's faces."""
     inner = piece[hull.vertices].mean(axis=0)
     faces = piece[hull.simplices]
     volumes = np.abs(np.linalg.det(faces - inner))

@@ -20,7 +20,7 @@ from sim_bridge.everyday.primitives import (
 
 
 def alarm_clock(case: Rgb, bells: Rgb) -> Parts:
-    """A round clock with two bells; its face is seen from both sides."""
+    """Return a round clock with two bells; its face is seen from both sides."""
     upright = (90, 0, 0)
     hands = (
         Rod(BLACK, (0, -24.3, 0), (0, -24.3, 24), 2.6, solid=False),
@@ -51,7 +51,7 @@ def alarm_clock(case: Rgb, bells: Rgb) -> Parts:
 
 
 def computer_mouse(shell: Rgb, trim: Rgb, wheel: Rgb) -> Parts:
-    """A rounded shell with two buttons and a wheel."""
+    """Return a rounded shell with two buttons and a wheel."""
     rings = ((58, -18, trim), (62, -13, shell), (62, -6, shell), (55, 8, shell), (42, 17, shell), (22, 22, shell))
     seam = Ball(trim, (30, 1.6, 20), at=(26, 0, 4), solid=False)
     across = Ball(trim, (1.6, 30, 21.5), at=(2, 0, 3), solid=False)
@@ -59,7 +59,7 @@ def computer_mouse(shell: Rgb, trim: Rgb, wheel: Rgb) -> Parts:
 
 
 def camera() -> Parts:
-    """Black with a silver top, a big lens, a flash and a red button."""
+    """Return a black camera with a silver top, a big lens, a flash and a red button."""
     lens = ((27, 0, BLACK), (27, 8, SILVER), (27, 12, BLACK), (25, 34, BLACK))
     glass = Turned(((19, 0, SKY), (12, 36, (30, 50, 110)), (5, 37, SKY)), at=(6, -22, -4), turn=(90, 0, 0), solid=False)
     return (
@@ -75,7 +75,7 @@ def camera() -> Parts:
 
 
 def game_controller(color: Rgb) -> Parts:
-    """Two grips, a cross, four buttons and two sticks."""
+    """Return two grips, a cross, four buttons and two sticks."""
     both = [(-44, -1), (44, 1)]
     grips = [Rod(color, (x * 0.95, 8, 0), (x * 1.35, -32, -2), 19, 14) for x, _ in both]
     ends = [Ball(color, (14, 14, 14), at=(x * 1.36, -33, -2)) for x, _ in both]
@@ -101,7 +101,7 @@ def game_controller(color: Rgb) -> Parts:
 
 
 def cassette() -> Parts:
-    """A cassette tape with a label and two reels, the same on both sides."""
+    """Return a cassette tape with a label and two reels, the same on both sides."""
     reels = [
         part
         for x in (-24, 24)
@@ -122,7 +122,7 @@ def cassette() -> Parts:
 
 
 def school_bus() -> Parts:
-    """Yellow, with a bonnet, dark windows, black lines and four wheels."""
+    """Return a yellow bus with a bonnet, dark windows, black lines and four wheels."""
     glass = (46, 62, 84)
     windows = [block(glass, (17, 59.4, 17), (x, 0, 16), 0, solid=False) for x in (-54, -33, -12, 9)]
     wheels = [
@@ -149,7 +149,7 @@ def school_bus() -> Parts:
 
 
 def train() -> Parts:
-    """A steam engine: green boiler, red cab and frame, chimney and wheels."""
+    """Return a steam engine: green boiler, red cab and frame, chimney and wheels."""
     wheels = [
         part
         for x, r in ((-48, 19), (-4, 15), (36, 15))
@@ -175,7 +175,7 @@ def train() -> Parts:
 
 
 def basketball() -> Parts:
-    """Orange with black seams."""
+    """Return an orange ball with black seams."""
     orange, r = (226, 112, 40), 39.0
     seams = [bent(BLACK, arc((0, 0, 0), r, 0, 360, plane, 28), 1.6, solid=False) for plane in ("xy", "xz")]
     sides = [bent(BLACK, _curve(r, s), 1.6, solid=False) for s in (-1.0, 1.0)]
@@ -183,7 +183,7 @@ def basketball() -> Parts:
 
 
 def _curve(radius: float, side: float) -> tuple[tuple[float, float, float], ...]:
-    """A closed seam that bends over one half of a ball."""
+    """Return points of a closed seam that bends over one half of a ball."""
     points = []
     for i in range(25):
         a = math.tau * i / 24
@@ -194,7 +194,7 @@ def _curve(radius: float, side: float) -> tuple[tuple[float, float, float], ...]
 
 
 def crayon_box(color: Rgb, band: Rgb) -> Parts:
-    """An open box with coloured crayon tips looking out."""
+    """Return an open box with coloured crayon tips looking out."""
     paints = (RED, (240, 126, 34), GREEN, BLUE, (134, 72, 168), (244, 156, 180))
     tips = [
         part

@@ -21,7 +21,7 @@ _SUFFIXES = (".ply", ".obj")  # the later is preferred: it has a texture
 
 
 def find(folder: Path, named_by: str) -> dict[str, Path]:
-    """Mesh files of the benchmark's objects by name, in the folder or below; named_by: what names the folder.
+    """Find mesh files of the benchmark's objects by name, in the folder or below; named_by: what names the folder.
 
     Raises:
         ObjectFolderError: when there is no such folder, or it holds none of them.
@@ -46,7 +46,7 @@ def find(folder: Path, named_by: str) -> dict[str, Path]:
 
 
 def load(name: str, path: Path) -> EverydayObject:
-    """The object in a mesh file, with its texture or colours, else in the colour that goes with its name.
+    """Load the object in a mesh file, with its texture or colours, else in the colour that goes with its name.
 
     Raises:
         ObjectFolderError: when the file cannot be used.
@@ -63,12 +63,12 @@ def load(name: str, path: Path) -> EverydayObject:
 
 
 def _smaller(image: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint8]:
-    """A texture that is as sharp as the camera can see, and small enough for fifty of them."""
+    """Return a texture as sharp as the camera can see, and small enough for fifty of them."""
     factor = _TEXTURE_SIZE / max(image.shape)
     return np.asarray(cv2.resize(image, None, fx=factor, fy=factor, interpolation=cv2.INTER_AREA), dtype=np.uint8)
 
 
 def _texture_of(path: Path) -> Path | None:
-    """The PNG of the same name: beside the mesh, or in a folder next to its folder."""
+    """Return the PNG of the same name: beside the mesh, or in a folder next to its folder."""
     nearby = [path.with_suffix(".png"), *sorted(path.parent.parent.glob(f"*/{path.stem}.png"))]
     return next((image for image in nearby if image.is_file()), None)

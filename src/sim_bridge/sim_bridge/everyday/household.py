@@ -8,7 +8,7 @@ from sim_bridge.everyday.primitives import Parts, Point, Primitive, Prism, Rod, 
 
 
 def mug(color: Rgb, stripe: Rgb) -> Parts:
-    """A mug with level stripes and a handle."""
+    """Return a mug with level stripes and a handle."""
     colors = (color, stripe, color, stripe, color, stripe, color, color)
     rings = [(36.0, 12.0 * i - 42.0, c) for i, c in enumerate(colors)]
     handle = bent(color, arc((33.0, 0.0, 0.0), 26.0, -75.0, 75.0), 6.5)
@@ -16,27 +16,27 @@ def mug(color: Rgb, stripe: Rgb) -> Parts:
 
 
 def cup(color: Rgb, band: Rgb) -> Parts:
-    """A tapering cup without a handle."""
+    """Return a tapering cup without a handle."""
     rings = ((27, -48, color), (32, 4, band), (34, 24, color), (38, 48, color))
     return (Turned(rings, hollow=(33, 40), inside=WHITE),)
 
 
 def bottle(glass: Rgb, label: Rgb, cap: Rgb) -> Parts:
-    """A bottle with a label, a shoulder, a neck and a cap."""
+    """Return a bottle with a label, a shoulder, a neck and a cap."""
     low = ((29, -76, glass), (31, -72, glass), (31, -52, label), (31, 0, glass), (31, 16, glass))
     high = ((13, 44, glass), (13, 58, cap), (15, 58.5, cap), (15, 76, cap))
     return (Turned((*low, *high), cuts=(16, 44)),)
 
 
 def can(upper: Rgb, lower: Rgb, badge: Rgb) -> Parts:
-    """A tin can with a two-coloured label and round badges."""
+    """Return a tin can with a two-coloured label and round badges."""
     rings = ((34, -54, SILVER), (36, -52, SILVER), (36, -45, lower), (36, 0, upper), (36, 45, SILVER), (34, 54, SILVER))
     badges = [Prism(badge, round_outline(17, 17), 73.5, turn=(90, 0, yaw), solid=False) for yaw in (0, 90)]
     return Turned(rings), *badges, Turned(((29, -54.8, GREY), (29, 54.8, GREY)), solid=False)
 
 
 def milk_carton(color: Rgb, band: Rgb, cap: Rgb) -> Parts:
-    """A carton with a gabled top, a cap on its slope and a round emblem on every side."""
+    """Return a carton with a gabled top, a cap on its slope and a round emblem on every side."""
     roof = Prism(color, ((-32, 0), (32, 0), (4, 34), (-4, 34)), 64, at=(0, 0, 24), turn=(90, 0, 0))
     emblems = [
         Prism(band, round_outline(20, 20), 65.2, at=(0, 0, 0), turn=(90, 0, yaw), solid=False) for yaw in (0, 90)
@@ -53,18 +53,18 @@ def milk_carton(color: Rgb, band: Rgb, cap: Rgb) -> Parts:
 
 
 def package(size: Point, color: Rgb, band: Rgb) -> Parts:
-    """A cardboard box with a band around its upper end."""
+    """Return a cardboard box with a band around its upper end."""
     x, y, z = size
     return block(color, size), block(band, (x + 1.2, y + 1.2, z * 0.22), (0, 0, z * 0.3), solid=False)
 
 
 def badge(color: Rgb, radius: float, thickness: float, at: Point = (0, 0, 0), tall: float = 1.0) -> Prism:
-    """A round emblem seen on both y faces of something so thick."""
+    """Return a round emblem seen on both y faces of something so thick."""
     return Prism(color, round_outline(radius, radius * tall), thickness, at=at, turn=(90, 0, 0), solid=False)
 
 
 def towel(color: Rgb) -> Parts:
-    """A folded towel with stripes: two layers."""
+    """Return a folded towel with stripes: two layers."""
     parts: list[Primitive] = [block(WHITE, (144, 74, 20), (0, 0, -11), 9), block(WHITE, (136, 74, 20), (0, 0, 11), 9)]
     for i in range(-3, 4):
         parts += [block(color, (10.5, 75, 21), (19.5 * i, 0, z), solid=False) for z in (-11, 11)]
@@ -72,7 +72,7 @@ def towel(color: Rgb) -> Parts:
 
 
 def tape(color: Rgb) -> Parts:
-    """A roll of adhesive tape on a cardboard core, its end a little loose; the hole is only seen."""
+    """Return a roll of adhesive tape on a cardboard core, its end a little loose; the hole is only seen."""
     return (
         Prism(color, round_outline(38, 38), 44, (round_outline(23, 23),)),
         Prism(TAN, round_outline(24.5, 24.5), 45.5, (round_outline(20, 20),), solid=False),
@@ -81,7 +81,7 @@ def tape(color: Rgb) -> Parts:
 
 
 def teapot(color: Rgb, trim: Rgb) -> Parts:
-    """A round pot with a spout, a handle, a lid and a painted band."""
+    """Return a round pot with a spout, a handle, a lid and a painted band."""
     rings = (
         (22, -38, color),
         (34, -24, color),
@@ -98,7 +98,7 @@ def teapot(color: Rgb, trim: Rgb) -> Parts:
 
 
 def toy_brick(color: Rgb, dark: Rgb) -> Parts:
-    """A building brick with eight studs, hollow underneath."""
+    """Return a building brick with eight studs, hollow underneath."""
     spots = [(x, y) for x in (-39, -13, 13, 39) for y in (-15.5, 15.5)]
     studs = [Rod(color, (x, y, 20), (x, y, 31), 9.5) for x, y in spots]
     tubes = [Rod(color, (x, 0, -21.6), (x, 0, -10), 9, solid=False) for x in (-26, 0, 26)]
@@ -106,7 +106,7 @@ def toy_brick(color: Rgb, dark: Rgb) -> Parts:
 
 
 def pan(color: Rgb, grip: Rgb) -> Parts:
-    """A small deep frying pan."""
+    """Return a small deep frying pan."""
     rings = ((33, -15, color), (40, 15, color))
     bar = Rod(GREY, (34, 0, 8), (62, 0, 14), 7)
     hanger = Rod(SILVER, (108, 0, 19), (118, 0, 20), 9)
@@ -114,13 +114,13 @@ def pan(color: Rgb, grip: Rgb) -> Parts:
 
 
 def spoon(color: Rgb, shade: Rgb) -> Parts:
-    """A cooking spoon with a hollow bowl."""
+    """Return a cooking spoon with a hollow bowl."""
     bowl = Turned(((20, -12, color), (31, 6, color)), hollow=(27, 12), inside=shade, oval=0.74, at=(56, 0, 0))
     return bowl, Rod(color, (34, 0, 2), (-84, 0, 6), 9, 7)
 
 
 def present(color: Rgb, ribbon: Rgb) -> Parts:
-    """A wrapped box with a crossed ribbon and a bow."""
+    """Return a wrapped box with a crossed ribbon and a bow."""
     bands = (block(ribbon, (16, 75.2, 71.2), solid=False), block(ribbon, (101.2, 16, 71.2), solid=False))
     loops = [
         Turned(((10, -4, ribbon), (15, 10, ribbon)), at=(0, 0, 41), turn=(s * 70, 0, 40), hollow=(9, 8), inside=ribbon)
@@ -130,7 +130,7 @@ def present(color: Rgb, ribbon: Rgb) -> Parts:
 
 
 def chocolate_bar(chocolate: Rgb, dark: Rgb, wrapper: Rgb, foil: Rgb) -> Parts:
-    """A bar of chocolate half out of its wrapper, its squares seen from both sides."""
+    """Return a bar of chocolate half out of its wrapper, its squares seen from both sides."""
     squares = [
         block(chocolate, (15.5, 15, 26), (x, y, 0), 2) for x in (13, 31, 49, 67) for y in (-25.5, -8.5, 8.5, 25.5)
     ]

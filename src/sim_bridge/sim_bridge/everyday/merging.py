@@ -1,4 +1,4 @@
-"""Fewer convex pieces for about the same body: physics is paid by the piece."""
+"""Merges convex pieces of a body: physics takes time for each."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from scipy.spatial import ConvexHull
 
 FloatArray = npt.NDArray[np.float64]
 
-_ADDED = 0.01  # share of the whole volume that one union may add
-_MOST = 12  # pieces; beyond that a union may add more
+_ADDED_SHARE = 0.01  # share of the whole volume that one union may add
+_MAX_PIECES = 12  # pieces; beyond that a union may add more
 
 
 def merged(pieces: Sequence[FloatArray]) -> list[FloatArray]:
@@ -22,7 +22,7 @@ def merged(pieces: Sequence[FloatArray]) -> list[FloatArray]:
     unions = {pair: _union(kept, *pair) for pair in itertools.combinations(kept, 2)}
     while unions:
         pair, (corners, volume, added) = min(unions.items(), key=lambda item: item[1][2])
-        if added > _ADDED * total and len(kept) <= _MOST:
+        if added > _ADDED_SHARE * total and len(kept) <= _MAX_PIECES:
             break
         unions = {other: union for other, union in unions.items() if not set(other) & set(pair)}
         new = max(kept) + 1
@@ -32,12 +32,12 @@ def merged(pieces: Sequence[FloatArray]) -> list[FloatArray]:
 
 
 def _hull(corners: FloatArray) -> tuple[FloatArray, float]:
-    """The vertices of the convex hull, and its volume."""
+    """Return the vertices of the convex hull, and its volume."""
     hull = ConvexHull(corners)
     return corners[hull.vertices], float(hull.volume)
 
 
 def _union(kept: dict[int, tuple[FloatArray, float]], a: int, b: int) -> tuple[FloatArray, float, float]:
-    """Corners and volume of the common hull of two, and how much it is larger than both."""
+    """Return corners and volume of the common hull of two pieces, and how much it is larger than both."""
     corners, volume = _hull(np.concatenate([kept[a][0], kept[b][0]]))
     return corners, volume, volume - kept[a][1] - kept[b][1]

@@ -1,4 +1,4 @@
-"""Which everyday objects the packing tasks use: the project's own, or a folder of Google Scanned Objects."""
+"""The set of everyday objects that the packing tasks use: the project's own, or a folder of Google Scanned Objects."""
 
 from __future__ import annotations
 
@@ -23,7 +23,8 @@ class _Maker(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class ObjectSet:
-    """seen, unseen: names of the objects for training and of the others; description: for results and logs."""
+    """Set of objects. seen, unseen: names of those for training and of the
+    others; description: for results and logs."""
 
     description: str
     seen: tuple[str, ...]
@@ -31,12 +32,12 @@ class ObjectSet:
     make: _Maker
 
     def named(self, name: str) -> EverydayObject:
-        """The object of that name; made once a process."""
+        """Return the object of that name; made once in each process."""
         return _made(self, name)
 
 
 def object_set() -> ObjectSet:
-    """The set in use: that in the folder which CLIPORT_GOOGLE_OBJECTS names, where it does, else the project's own.
+    """Return the set in use: that in the folder which CLIPORT_GOOGLE_OBJECTS names, if it does, else the project's own.
 
     Raises:
         ObjectFolderError: when the folder is missing or not usable.
@@ -46,7 +47,7 @@ def object_set() -> ObjectSet:
 
 
 def describe() -> str:
-    """What results call the set in use, such as "own-56".
+    """Return the name under which results list the set in use, such as "own-56".
 
     Raises:
         ObjectFolderError: when the folder is missing or not usable.

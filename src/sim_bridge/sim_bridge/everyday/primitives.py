@@ -1,4 +1,4 @@
-"""What everyday objects are put together from: convex solids, and coloured markings on them.
+"""Elements of everyday objects: convex solids, and coloured markings on them.
 
 Lengths are millimetres and angles degrees here and in the tables that use this; meshes come out in metres.
 """
@@ -31,18 +31,19 @@ _FACETS = 12  # sides of it in physics: with flats, so that it does not roll awa
 
 @dataclass(frozen=True, kw_only=True)
 class Primitive(ABC):
-    """at: where its own frame lies; turn: roll, pitch, yaw about fixed axes; solid: whether it collides."""
+    """Element of an object. at: origin of its own frame; turn: roll, pitch, yaw
+    about fixed axes; solid: whether it collides."""
 
     at: Point = (0.0, 0.0, 0.0)
     turn: Point = (0.0, 0.0, 0.0)
     solid: bool = True
 
     def mesh(self) -> TriangleMesh:
-        """Coloured triangles in the thing's frame [m]."""
+        """Return coloured triangles in the object's frame [m]."""
         return self._mesh().transformed(scale=_MM).transformed(self._pose)
 
     def hulls(self) -> list[FloatArray]:
-        """Corners (N, 3) of the convex pieces that it collides as, in the thing's frame [m]."""
+        """Return corners (N, 3) of the convex pieces that it collides as, in the object's frame [m]."""
         return [self._pose.apply(piece * _MM) for piece in self._pieces()] if self.solid else []
 
     @property
@@ -51,11 +52,11 @@ class Primitive(ABC):
 
     @abstractmethod
     def _mesh(self) -> TriangleMesh:
-        """In its own frame [mm]."""
+        """Return triangles in its own frame [mm]."""
 
     @abstractmethod
     def _pieces(self) -> list[FloatArray]:
-        """In its own frame [mm]."""
+        """Return corners of convex pieces in its own frame [mm]."""
 
 
 Parts = tuple[Primitive, ...]
@@ -106,7 +107,7 @@ class Rod(Primitive):
 
     @property
     def _axis(self) -> tuple[float, Pose]:
-        """Length, and a frame at the start with z along the bar."""
+        """Return its length and a frame at its start with z along it."""
         along = np.subtract(self.end, self.start)
         length = float(np.linalg.norm(along))
         tilt, heading = math.acos(along[2] / length), math.atan2(along[1], along[0])
@@ -138,7 +139,8 @@ class Prism(Primitive):
 
 @dataclass(frozen=True)
 class Turned(Primitive):
-    """Turned on a lathe about z: rings of (radius, height, colour up to the next ring), from the bottom to the top.
+    """A body turned on a lathe about z: rings of (radius, height, colour up
+    to the next ring), from the bottom to the top.
 
     cuts: heights at which it is cut into convex pieces. hollow: (radius, depth) of a hole from above that is
     only seen. oval: its y radii are this share of those along x.
@@ -171,13 +173,13 @@ class Turned(Primitive):
 
 
 def block(color: Rgb, size: Point, at: Point = (0.0, 0.0, 0.0), corner: float = 0.0, **more: object) -> Prism:
-    """A box of that size about `at`, its upright edges rounded by `corner`."""
+    """Return a box of that size about `at`, its upright edges rounded by `corner`."""
     x, y = size[0] / 2, size[1] / 2
     return Prism(color, rounded(x, y, corner), size[2], at=at, **more)  # type: ignore[arg-type]
 
 
 def rounded(half_x: float, half_y: float, corner: float) -> tuple[tuple[float, float], ...]:
-    """Corners of a rectangle about the origin whose corners are rounded."""
+    """Return corners of a rectangle about the origin whose corners are rounded."""
     if corner <= 0.0:
         return ((half_x, half_y), (-half_x, half_y), (-half_x, -half_y), (half_x, -half_y))
     middles = ((1, 1, 0), (-1, 1, 90), (-1, -1, 180), (1, -1, 270))
@@ -192,17 +194,17 @@ def rounded(half_x: float, half_y: float, corner: float) -> tuple[tuple[float, f
 
 
 def round_outline(radius_x: float, radius_y: float, sides: int = 24) -> tuple[tuple[float, float], ...]:
-    """Corners of an ellipse about the origin."""
+    """Return corners of an ellipse about the origin."""
     return tuple((radius_x * x, radius_y * y) for x, y in _ring(1.0, 0.0, sides)[:, :2])
 
 
 def bent(color: Rgb, points: Sequence[Point], radius: float, solid: bool = True) -> Parts:
-    """A bar that follows points."""
+    """Return a bar that follows points."""
     return tuple(Rod(color, a, b, radius, solid=solid) for a, b in pairwise(points))
 
 
 def arc(middle: Point, radius: float, start: float, end: float, plane: str = "xz", steps: int = 6) -> tuple[Point, ...]:
-    """Points on an arc in the plane "xy", "xz" or "yz", angles counted from its first axis to its second."""
+    """Return points on an arc in the plane "xy", "xz" or "yz", angles counted from its first axis to its second."""
     points = []
     for angle in np.radians(np.linspace(start, end, steps + 1)):
         offset = dict(zip(plane, (radius * math.cos(angle), radius * math.sin(angle)), strict=True))
@@ -212,7 +214,7 @@ def arc(middle: Point, radius: float, start: float, end: float, plane: str = "xz
 
 
 def _ring(radius: float, z: float, sides: int) -> FloatArray:
-    """(sides, 3) corners of a level polygon about z."""
+    """Return (sides, 3) corners of a level polygon about z."""
     angles = np.arange(sides) * (2.0 * math.pi / sides)
     return np.column_stack([radius * np.cos(angles), radius * np.sin(angles), np.full(sides, z)])
 

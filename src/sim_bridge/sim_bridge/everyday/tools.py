@@ -8,7 +8,7 @@ from sim_bridge.everyday.primitives import Ball, Parts, Prism, Rod, Turned, arc,
 
 
 def flashlight(body: Rgb, rim: Rgb) -> Parts:
-    """A torch: a bar with a switch, a wider head and a bright lens."""
+    """Return a torch: a bar with a switch, a wider head and a bright lens."""
     bar = ((19, -74, BLACK), (20, -62, body), (20, 22, body), (33, 46, rim), (34, 62, rim))
     lens = Turned(((28, 60, (255, 244, 170)), (26, 64, (255, 244, 170))), solid=False, turn=(0, 90, 0))
     rings = [Turned(((20.8, z, BLACK), (20.8, z + 5, BLACK)), solid=False, turn=(0, 90, 0)) for z in (-50, -38, 8)]
@@ -20,7 +20,7 @@ def flashlight(body: Rgb, rim: Rgb) -> Parts:
 
 
 def scissors(grips: Rgb) -> Parts:
-    """Two ring grips and two crossed blades."""
+    """Return two ring grips and two crossed blades."""
     rings = [bent(grips, arc((-46, s * 20, 0), 16, 0, 360, "xy", 12), 7.5) for s in (-1, 1)]
     blades = [
         Prism(SILVER, ((-34, -7), (0, -9), (84, -1), (84, 2), (-34, 7)), 12, at=(2, 0, s * 1.5), turn=(0, 0, s * 9))
@@ -30,7 +30,7 @@ def scissors(grips: Rgb) -> Parts:
 
 
 def magnifying_glass(rim: Rgb, grip: Rgb) -> Parts:
-    """A lens in a rim, with a handle."""
+    """Return a lens in a rim, with a handle."""
     lens = Prism(SKY, round_outline(28, 28), 8)
     glint = Prism(WHITE, ((-14, 4), (2, 16), (6, 12), (-10, 0)), 8.8, solid=False)
     shaft = (Rod(SILVER, (-30, 0, 0), (-46, 0, 0), 7), Rod(grip, (-44, 0, 0), (-108, 0, 0), 12, 13))
@@ -38,7 +38,7 @@ def magnifying_glass(rim: Rgb, grip: Rgb) -> Parts:
 
 
 def hammer(grip: Rgb) -> Parts:
-    """A wooden handle with a grip, and a steel head with a face and a claw."""
+    """Return a wooden handle with a grip, and a steel head with a face and a claw."""
     claw = Prism(SILVER, ((-13, 12), (13, 12), (9, 46), (3, 46)), 24, at=(58, 0, 0))
     return (
         Rod(WOOD, (-40, 0, 0), (50, 0, 0), 11),
@@ -50,7 +50,7 @@ def hammer(grip: Rgb) -> Parts:
 
 
 def screwdriver(grip: Rgb, end: Rgb) -> Parts:
-    """A ridged grip and a steel blade."""
+    """Return a ridged grip and a steel blade."""
     rings = (
         (12, -76, end),
         (17, -70, end),
@@ -72,7 +72,7 @@ def screwdriver(grip: Rgb, end: Rgb) -> Parts:
 
 
 def spatula(head: Rgb, grip: Rgb) -> Parts:
-    """A turner: a slotted head on a long handle."""
+    """Return a turner: a slotted head on a long handle."""
     slots = [block((52, 30, 66), (36, 6, 15), (52, y, -2), 2, solid=False) for y in (-15, 0, 15)]
     return (
         Prism(head, ((24, -22), (80, -29), (84, -26), (84, 26), (80, 29), (24, 22)), 14, at=(0, 0, -2)),
@@ -84,7 +84,7 @@ def spatula(head: Rgb, grip: Rgb) -> Parts:
 
 
 def toothbrush(body: Rgb, bristles: Rgb, middle: Rgb) -> Parts:
-    """A thick handle, a thin neck and bristles in three tufts."""
+    """Return a thick handle, a thin neck and bristles in three tufts."""
     tufts = [block(paint, (12, 17, 20), (x, 0, 12), 2) for paint, x in ((bristles, 50), (middle, 63), (bristles, 76))]
     return (
         Rod(body, (-84, 0, 0), (10, 0, 0), 13, 11),
@@ -97,7 +97,7 @@ def toothbrush(body: Rgb, bristles: Rgb, middle: Rgb) -> Parts:
 
 
 def honey_dipper() -> Parts:
-    """A wooden stick with a ridged end."""
+    """Return a wooden stick with a ridged end."""
     rings = [
         (r, 34.0 + 8 * i, WOOD if i % 2 else (150, 106, 60)) for i, r in enumerate((20, 25, 17, 27, 17, 27, 17, 24, 16))
     ]

@@ -15,12 +15,12 @@ from cliport_core import Pose
 from sim_bridge.errors import SimulationError
 from sim_bridge.geometry import mesh_files, outlines
 
-_FEW = 64  # vertices
+_SMALL_MESH = 64  # vertices, up to which all of them serve as the hull's
 
 
 @dataclass(frozen=True, eq=False)
 class TriangleMesh:
-    """vertices (N, 3) float32 [m] in the body frame; triangles (M, 3) int32, seen from outside ccw.
+    """Mesh of vertices (N, 3) float32 [m] in the body frame and triangles (M, 3) int32, counter-clockwise from outside.
 
     Its look: colors (M, 3) uint8 RGB a triangle; or texture (H, W, 3) uint8 RGB with uv (M, 3, 2) float32, where
     a triangle's corners lie in it, u to the right and v upwards, 0..1 and repeating. A triangle shows the texture
@@ -47,7 +47,7 @@ class TriangleMesh:
 
     @cached_property
     def normals(self) -> npt.NDArray[np.float32]:
-        """(M, 3) unit vectors outwards, body frame; zero for a triangle without area."""
+        """Unit vectors (M, 3) outwards, body frame; zero for a triangle without area."""
         a, b, c = (self.vertices[self.triangles[:, i]].astype(np.float64) for i in range(3))
         normals = np.cross(b - a, c - a)
         normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
@@ -55,21 +55,21 @@ class TriangleMesh:
 
     @cached_property
     def box_corners(self) -> npt.NDArray[np.float32]:
-        """(8, 3) [m], body frame: of the box about it along the frame's axes."""
+        """Corners (8, 3) of the box about it along the body frame's axes [m]."""
         ends = np.stack([self.vertices.min(axis=0), self.vertices.max(axis=0)])
         return np.stack(np.meshgrid(*ends.T), axis=-1).reshape(8, 3)
 
     @cached_property
     def hull(self) -> npt.NDArray[np.float32]:
         """Vertices (K, 3) with the same convex hull as all of them, fewer where there are many."""
-        if len(self.vertices) <= _FEW:
+        if len(self.vertices) <= _SMALL_MESH:
             return self.vertices
         return self.vertices[ConvexHull(self.vertices, qhull_options="QJ").vertices]  # QJ: takes flat things too
 
     def texels(
         self, triangle: npt.NDArray[np.intp], weights: npt.NDArray[np.float32]
     ) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.bool_]]:
-        """The texture's nearest RGB (K, 3) at points of triangles (K,), and where there is one (K,).
+        """Return the texture's nearest RGB (K, 3) at points of triangles (K,), and where there is one (K,).
 
         weights (K, 2): of the second and third corner.
         """
@@ -86,7 +86,7 @@ class TriangleMesh:
 
     @classmethod
     def box(cls, size: tuple[float, float, float]) -> TriangleMesh:
-        """A box of `size` (x, y, z) [m] about the origin."""
+        """Return a box of `size` (x, y, z) [m] about the origin."""
         corners = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
         quads = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
         triangles = [t for a, b, c, d in quads for t in ((a, b, c), (a, c, d))]
@@ -94,7 +94,7 @@ class TriangleMesh:
 
     @classmethod
     def revolved(cls, profile: npt.ArrayLike, segments: int) -> TriangleMesh:
-        """A closed outline of (radius, z) pairs [m], turned about z.
+        """Return a closed outline of (radius, z) pairs [m], turned about z.
 
         The outline runs from the axis along the underside outwards and back along the upper side to the axis;
         its first and last point must lie on the axis (radius 0).
@@ -119,7 +119,7 @@ class TriangleMesh:
 
     @classmethod
     def extruded(cls, outline: npt.ArrayLike, height: float, holes: Sequence[npt.ArrayLike] = ()) -> TriangleMesh:
-        """A prism over a polygon: its base at z = 0, its top at z = height [m].
+        """Return a prism over a polygon: its base at z = 0, its top at z = height [m].
 
         outline (N, 2) and each hole (K, 2): corners [m] in order, clockwise or not, the first not repeated at the
         end. They must not cross themselves or one another, and holes lie inside the outline.
@@ -143,7 +143,7 @@ class TriangleMesh:
 
     @classmethod
     def joined(cls, meshes: Sequence[TriangleMesh]) -> TriangleMesh:
-        """All of them as one; they keep their colours and texture.
+        """Join meshes to one; they keep their colours and texture.
 
         Raises:
             SimulationError: when some have colours and others neither colours nor a texture, or two have textures.
@@ -159,7 +159,7 @@ class TriangleMesh:
 
     @classmethod
     def from_obj(cls, path: Path, texture: Path | None = None) -> TriangleMesh:
-        """The faces of a Wavefront OBJ file, polygons cut into fans; with its texture, where it has one.
+        """Read the faces of a Wavefront OBJ file, polygons cut into fans, with its texture, if it has one.
 
         The texture is the image at `texture`, else the map_Kd of the material file that the OBJ names, else the PNG
         of the same name beside it.
@@ -171,7 +171,7 @@ class TriangleMesh:
 
     @classmethod
     def from_ply(cls, path: Path) -> TriangleMesh:
-        """The triangles of a PLY file; colours of its vertices, where it has them, averaged a triangle.
+        """Read the triangles of a PLY file; colours of its vertices, if it has them, are averaged over each triangle.
 
         Raises:
             SimulationError: when the file is missing or holds no triangles.
@@ -179,14 +179,16 @@ class TriangleMesh:
         return cls(*mesh_files.read_ply(path))
 
     def transformed(self, pose: Pose | None = None, scale: float | Sequence[float] = 1.0) -> TriangleMesh:
-        """Scaled about the origin, by one factor or one an axis, then moved; a mirror image faces outwards too."""
+        """Return the mesh scaled about the origin, by one factor or one for each axis,
+        then moved; a mirror image faces outwards too."""
         vertices = (pose or Pose.identity()).apply(self.vertices * np.asarray(scale, dtype=np.float64))
         order = slice(None, None, -1 if np.prod(np.broadcast_to(scale, 3)) < 0.0 else 1)
         uv = None if self.uv is None else self.uv[:, order]
         return replace(self, vertices=vertices.astype(np.float32), triangles=self.triangles[:, order], uv=uv)
 
     def colored(self, rgb: npt.ArrayLike) -> TriangleMesh:
-        """The same shape in one colour, 0..255 RGB (3,), or a colour a triangle (M, 3), without texture."""
+        """Return the same shape in one colour, 0..255 RGB (3,), or in a colour
+        for each triangle (M, 3), without texture."""
         colors = np.broadcast_to(np.asarray(rgb, dtype=np.uint8), (len(self.triangles), 3)).copy()
         return TriangleMesh(self.vertices, self.triangles, colors)
 

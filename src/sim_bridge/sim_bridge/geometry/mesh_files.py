@@ -23,7 +23,7 @@ class MeshArrays(NamedTuple):
 
 
 def read_obj(path: Path, texture: Path | None = None) -> MeshArrays:
-    """See TriangleMesh.from_obj."""
+    """Read a Wavefront OBJ file; arguments and errors as of TriangleMesh.from_obj."""
     places: list[list[float]] = []
     texture_places: list[list[float]] = []
     corners: list[tuple[int, int]] = []  # of triangle after triangle: rows of the two lists, -1 for none
@@ -54,7 +54,7 @@ def read_obj(path: Path, texture: Path | None = None) -> MeshArrays:
 
 
 def read_ply(path: Path) -> MeshArrays:
-    """See TriangleMesh.from_ply."""
+    """Read a PLY file; arguments and errors as of TriangleMesh.from_ply."""
     import open3d  # slow to import, and physics does without
 
     try:
@@ -75,14 +75,14 @@ def read_ply(path: Path) -> MeshArrays:
 
 
 def _corner(word: str, n_places: int, n_texture_places: int) -> tuple[int, int]:
-    """Rows of one corner `v`, `v/vt` or `v/vt/vn`, which count from 1, or from the end when negative."""
+    """Return the rows of one corner `v`, `v/vt` or `v/vt/vn`, which count from 1, or from the end when negative."""
     place, texture_place = (*word.split("/"), "")[:2]
     v, vt = int(place), int(texture_place or 0)
     return (v - 1 if v > 0 else n_places + v), (vt - 1 if vt >= 0 else n_texture_places + vt)
 
 
 def _texture(path: Path, material: Path | None, chosen: Path | None) -> npt.NDArray[np.uint8] | None:
-    """The RGB image that belongs to an OBJ file."""
+    """Return the RGB image that belongs to an OBJ file."""
     image_path = chosen or path.with_suffix(".png")
     if chosen is None and material is not None and material.is_file():
         for line in material.read_text().splitlines():

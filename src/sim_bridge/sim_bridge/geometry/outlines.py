@@ -14,13 +14,13 @@ Ring = npt.NDArray[np.float64]
 
 
 def signed_area(ring: Ring) -> float:
-    """Area [m^2] within a ring of corners (N, 2), negative when they run clockwise."""
+    """Return the area [m^2] within a ring of corners (N, 2), negative when they run clockwise."""
     x, y = ring.T
     return float(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2.0
 
 
 def oriented(outline: npt.ArrayLike, holes: Sequence[npt.ArrayLike] = ()) -> list[Ring]:
-    """The outline (N, 2) counter-clockwise, then each hole (K, 2) clockwise.
+    """Return the outline (N, 2) counter-clockwise, then each hole (K, 2) clockwise.
 
     Raises:
         SimulationError: when one has fewer than three finite corners or no area.
@@ -38,7 +38,8 @@ def oriented(outline: npt.ArrayLike, holes: Sequence[npt.ArrayLike] = ()) -> lis
 
 
 def triangulated(rings: Sequence[Ring]) -> npt.NDArray[np.int64]:
-    """Triangles (M, 3), counter-clockwise, over the corners of all rings in turn; rings as `oriented` gives them.
+    """Return triangles (M, 3), counter-clockwise, over the corners of all
+    rings in turn; rings as `oriented` returns them.
 
     Raises:
         SimulationError: when the triangles do not cover the polygon, as when rings cross.

@@ -9,7 +9,7 @@ from sim_bridge.geometry.mesh import TriangleMesh
 
 
 def surface_points(mesh: TriangleMesh, count: int) -> npt.NDArray[np.float64]:
-    """Points (count, 3) [m] scattered evenly over a mesh, always the same ones."""
+    """Return points (count, 3) [m] scattered evenly over a mesh, always the same ones."""
     corners = mesh.vertices[mesh.triangles].astype(np.float64)
     sides = corners[:, 1:] - corners[:, :1]
     areas = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)

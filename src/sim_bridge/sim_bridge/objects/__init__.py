@@ -1,4 +1,4 @@
-"""Things that tasks put on the table: a file a kind, and what all share."""
+"""Things that tasks put on the table, one file for each kind, and their common types."""
 
 from __future__ import annotations
 

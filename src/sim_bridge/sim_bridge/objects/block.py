@@ -12,17 +12,17 @@ from sim_bridge.robot import HAND
 
 BLOCK_SIZE = 0.04  # edge [m]
 BLOCK_MASS = 0.03  # [kg]
-WIDEST_PINCH = HAND.widest - 0.003  # that the hand still takes with room to spare [m]
+WIDEST_PINCH = HAND.widest - 0.003  # widest thing that the hand takes, with a margin [m]
 
 
 @lru_cache(maxsize=1)
 def block_shape() -> Shape:
-    """The cube of the bowl and pyramid tasks (docs/benchmark.md, "Objects"), heavier for steadier grasps."""
+    """Return the cube of the bowl and pyramid tasks (docs/benchmark.md, "Objects"), heavier for steadier grasps."""
     return cuboid("block", (BLOCK_SIZE, BLOCK_SIZE, BLOCK_SIZE), BLOCK_MASS)
 
 
 def cuboid(name: str, size: tuple[float, float, float], mass: float, friction: float = 1.0) -> Shape:
-    """A box of `size` (x, y, z) [m], its frame in its middle."""
+    """Return a box of `size` (x, y, z) [m], its frame in its middle."""
     x, y, _ = size
     square = math.isclose(x, y)
     pinches = sorted((Pinch(0.0, 0.0, yaw, w) for yaw, w in ((0.0, x), (math.pi / 2, y))), key=lambda p: p.width)

@@ -22,7 +22,7 @@ _WALL_PIECES = 15  # with the floor as many pieces as PyBullet allows in one com
 
 @lru_cache(maxsize=1)
 def bowl_shape() -> Shape:
-    """The bowl (docs/benchmark.md, "Objects"), its frame on its axis at half its height."""
+    """Return the bowl (docs/benchmark.md, "Objects"), its frame on its axis at half its height."""
     low, rim, floor = -BOWL_HEIGHT / 2, BOWL_HEIGHT / 2, -BOWL_HEIGHT / 2 + BOWL_FLOOR
     inner_floor = _outer_radius(BOWL_FLOOR) - BOWL_WALL
     profile = [
@@ -37,12 +37,12 @@ def bowl_shape() -> Shape:
 
 
 def _outer_radius(height: float) -> float:
-    """Radius [m] of the outside at a height [m] above the bowl's underside."""
+    """Return the radius [m] of the outside at a height [m] above the bowl's underside."""
     return BOWL_BASE_RADIUS + (BOWL_RADIUS - BOWL_BASE_RADIUS) * height / BOWL_HEIGHT
 
 
 def _collision() -> Collision:
-    """Leaning wall boxes in a ring, and a disc for the floor."""
+    """Return leaning wall boxes in a ring, and a disc for the floor."""
     lean = math.atan2(BOWL_RADIUS - BOWL_BASE_RADIUS, BOWL_HEIGHT)
     wall_height = BOWL_HEIGHT / math.cos(lean) - BOWL_WALL * math.tan(lean)
     # the boxes' corners, not their middles, touch the round outline: then nothing sticks out of what is seen

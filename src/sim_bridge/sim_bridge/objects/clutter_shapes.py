@@ -1,4 +1,4 @@
-"""Things that no task has and no sentence names: they only lie about."""
+"""Shapes that no task has and no sentence names, for clutter."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _SEGMENTS = 24
 
 @lru_cache(maxsize=1)
 def clutter_shapes() -> tuple[Shape, ...]:
-    """A tin, a slab like a telephone, a six-sided bar, a wedge and a domino; all lie as they are spawned."""
+    """Return a tin, a slab like a telephone, a six-sided bar, a wedge and a domino; all lie as they are spawned."""
     return (
         _tin("tin", 0.022, 0.045),
         _prism("slab", [(0.035, 0.06), (-0.035, 0.06), (-0.035, -0.06), (0.035, -0.06)], 0.009, 0.12),
@@ -33,7 +33,7 @@ def clutter_shapes() -> tuple[Shape, ...]:
 
 
 def _bar(half_length: float, half_width: float) -> list[tuple[float, float]]:
-    """A long hexagon [m]."""
+    """Return a long hexagon [m]."""
     shoulder = half_length - half_width
     return [
         (half_length, 0.0),
@@ -46,7 +46,7 @@ def _bar(half_length: float, half_width: float) -> list[tuple[float, float]]:
 
 
 def _prism(name: str, outline: list[tuple[float, float]], height: float, mass: float) -> Shape:
-    """An outline [m] that stands `height` tall, its frame in its middle."""
+    """Return an outline [m] that stands `height` tall, its frame in its middle."""
     ends = [[x, y, z] for z in (-height / 2, height / 2) for x, y in outline]
     mesh = TriangleMesh.extruded(outline, height)
     low = float(mesh.vertices[:, 2].min())
@@ -55,7 +55,7 @@ def _prism(name: str, outline: list[tuple[float, float]], height: float, mass: f
 
 
 def _tin(name: str, radius: float, height: float) -> Shape:
-    """An upright cylinder [m], its frame in its middle."""
+    """Return an upright cylinder [m], its frame in its middle."""
     angles = np.arange(_SEGMENTS) * (math.tau / _SEGMENTS)
     ring = [(radius * math.cos(a), radius * math.sin(a)) for a in angles]
     round_body = Collision((CylinderPart(radius, height, Pose.identity()),))
@@ -64,7 +64,7 @@ def _tin(name: str, radius: float, height: float) -> Shape:
 
 
 def _wedge(name: str, size: tuple[float, float, float]) -> Shape:
-    """A door stop: rising along x over `size` [m], its frame in the middle of the box around it."""
+    """Return a door stop: rising along x over `size` [m], its frame in the middle of the box around it."""
     x, y, z = (edge / 2 for edge in size)
     corners = np.array([[-x, -y, -z], [x, -y, -z], [x, -y, z], [-x, y, -z], [x, y, -z], [x, y, z]])
     faces = [[0, 1, 2], [3, 5, 4], [0, 3, 4], [0, 4, 1], [1, 4, 5], [1, 5, 2], [0, 2, 5], [0, 5, 3]]

@@ -1,4 +1,4 @@
-"""What a shape collides as: convex parts, made into one body of PyBullet."""
+"""Collision shapes: convex parts, made into one body of PyBullet."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class BoxPart:
 
     @property
     def corners(self) -> npt.NDArray[np.float64]:
-        """(8, 3) [m, body frame]."""
+        """Corners of the box, (8, 3) [m, body frame]."""
         signs = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
         return self.pose.apply(signs * self.size)
 
@@ -43,7 +43,7 @@ class CylinderPart:
 
     @property
     def corners(self) -> npt.NDArray[np.float64]:
-        """(24, 3) of a prism of twelve sides around it [m, body frame]."""
+        """Corners of a prism of twelve sides around it, (24, 3) [m, body frame]."""
         angles = np.arange(12) * (np.pi / 6)
         ring = np.stack([np.cos(angles), np.sin(angles)], axis=-1) * (self.radius / np.cos(np.pi / 12))
         ends = [np.column_stack([ring, np.full(12, z)]) for z in (-self.height / 2, self.height / 2)]
@@ -58,7 +58,7 @@ class HullPart:
 
     @property
     def corners(self) -> npt.NDArray[np.float64]:
-        """(N, 3) [m, body frame]."""
+        """Vertices of the hull, (N, 3) [m, body frame]."""
         return self.vertices
 
 
@@ -84,16 +84,16 @@ class Collision:
 
     @classmethod
     def box(cls, size: tuple[float, float, float]) -> Collision:
-        """One box about the origin."""
+        """Return one box about the origin."""
         return cls((BoxPart(size, Pose.identity()),))
 
     @classmethod
     def hull(cls, vertices: npt.ArrayLike) -> Collision:
-        """One convex hull of vertices (N, 3) [m]."""
+        """Return one convex hull of vertices (N, 3) [m]."""
         return cls((HullPart(np.asarray(vertices, dtype=np.float64)),))
 
     def create(self, client: int) -> int:
-        """PyBullet's id of a new collision shape in that client."""
+        """Create a collision shape in a client and return PyBullet's id."""
         hulls = [part for part in self.parts if isinstance(part, HullPart)]
         return _create_hulls(client, hulls) if hulls else _create_primitives(client, self.parts)
 
@@ -122,7 +122,7 @@ def _create_primitives(client: int, parts: Sequence[PrimitivePart] | Sequence[Hu
 
 
 def _create_hulls(client: int, hulls: Sequence[HullPart]) -> int:
-    """Through a Wavefront file: each of its objects becomes one convex part of the body."""
+    """Create a shape through a Wavefront file, each of whose objects becomes one convex part of the body."""
     lines: list[str] = []
     count = 1
     for i, part in enumerate(hulls):

@@ -13,8 +13,8 @@ WALL = 0.002  # thickness of floor and walls [m]
 
 
 def container_shape(width: float, depth: float) -> Shape:
-    """A container of outer size width (x) and depth (y) [m] (docs/benchmark.md, "Objects"), its frame at
-    half its height; the walls' middles lie on its outline."""
+    """Return a container of outer size width (x) and depth (y) [m] (docs/benchmark.md, "Objects"), its frame at half
+    its height; the walls' middles lie on its outline."""
     low, tall = -CONTAINER_HEIGHT / 2, CONTAINER_HEIGHT
     boxes = [
         ((width, depth, WALL), (0.0, 0.0, low + WALL / 2)),

@@ -9,11 +9,12 @@ import numpy.typing as npt
 
 from sim_bridge.geometry import outlines
 
-_BENT = 1e-10  # area of three corners that count as straight [m^2]
+_STRAIGHT_AREA = 1e-10  # area of three corners that count as straight [m^2]
 
 
 def convex_pieces(outline: npt.ArrayLike, holes: Sequence[npt.ArrayLike] = ()) -> list[npt.NDArray[np.float64]]:
-    """Convex polygons (K, 2), counter-clockwise, that together cover what `TriangleMesh.extruded` would cover.
+    """Cut a polygon into convex ones (K, 2), counter-clockwise, that together
+    cover what `TriangleMesh.extruded` would cover.
 
     Triangles, of which neighbours are merged as long as that stays convex (Hertel and Mehlhorn), across the longest
     borders first.
@@ -30,7 +31,7 @@ def convex_pieces(outline: npt.ArrayLike, holes: Sequence[npt.ArrayLike] = ()) -
 
 
 def _merge_once(pieces: list[list[int]], corners: npt.NDArray[np.float64]) -> list[list[int]] | None:
-    """The pieces with the best two of them made one; None when no two may be."""
+    """Merge the best two pieces and return all; None when no two may be merged."""
     owner = {edge: i for i, piece in enumerate(pieces) for edge in zip(piece, piece[1:] + piece[:1], strict=True)}
     shared = [(a, b) for a, b in owner if a < b and (b, a) in owner]
     for a, b in sorted(shared, key=lambda edge: -float(np.linalg.norm(corners[edge[0]] - corners[edge[1]]))):
@@ -45,4 +46,4 @@ def _merge_once(pieces: list[list[int]], corners: npt.NDArray[np.float64]) -> li
 
 def _is_convex(ring: npt.NDArray[np.float64]) -> bool:
     before, after = ring - np.roll(ring, 1, axis=0), np.roll(ring, -1, axis=0) - ring
-    return bool((before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0] > -_BENT).all())
+    return bool((before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0] > -_STRAIGHT_AREA).all())

@@ -14,8 +14,8 @@ _HEIGHT = 0.001  # [m]
 
 
 def corner_shape(x: float, y: float) -> Shape:
-    """Two strips along the +x and the +y edge of a box of size x, y [m], meeting at its corner; only
-    seen (docs/benchmark.md, "Objects"). Its frame is the middle of that box."""
+    """Return two strips along the +x and the +y edge of a box of size x, y [m], meeting at its corner; only seen
+    (docs/benchmark.md, "Objects"). The shape's frame is the middle of that box."""
     along = TriangleMesh.box((_LENGTH, _LINE, _HEIGHT))
     across = TriangleMesh.box((_LINE, _LENGTH, _HEIGHT))
     end_x, end_y = x / 2 + _LINE, y / 2 + _LINE

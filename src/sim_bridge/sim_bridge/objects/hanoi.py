@@ -34,7 +34,7 @@ _CORNERS = 48  # of a ring as it is seen
 
 @lru_cache(maxsize=1)
 def hanoi_stand_shape() -> Shape:
-    """Three tiles with a peg on each (docs/benchmark.md, "Objects"), its frame in the tiles' middle."""
+    """Return three tiles with a peg on each (docs/benchmark.md, "Objects"), its frame in the tiles' middle."""
     pegs = [
         CylinderPart(PEG_RADIUS, PEG_HEIGHT, Pose.from_xyz_rpy((0.0, y, _PEG_MIDDLE), (0.0, 0.0, 0.0)))
         for y in (-HANOI_TILE, 0.0, HANOI_TILE)
@@ -49,7 +49,7 @@ def hanoi_stand_shape() -> Shape:
 
 @lru_cache(maxsize=len(RING_DIAMETERS))
 def ring_shape(diameter: float) -> Shape:
-    """A ring of outer `diameter` [m], its frame in its middle."""
+    """Return a ring of outer `diameter` [m], its frame in its middle."""
     down = Pose.from_xyz_rpy((0.0, 0.0, -RING_THICKNESS / 2), (0.0, 0.0, 0.0))
     outer, inner = _circle(diameter / 2, _CORNERS, 0.0), _circle(HOLE_DIAMETER / 2, _CORNERS, 0.0)
     mesh = TriangleMesh.extruded(outer, RING_THICKNESS, holes=[inner]).transformed(down)
@@ -58,7 +58,7 @@ def ring_shape(diameter: float) -> Shape:
 
 
 def _pieces(diameter: float) -> list[HullPart]:
-    """Blocks side by side around the hole, smaller by what PyBullet adds to them."""
+    """Return blocks side by side around the hole, smaller by what PyBullet adds to them."""
     outer = _circle(diameter / 2 - HULL_PADDING, _PIECES, -_PIECE / 2)
     inner = _circle(HOLE_DIAMETER / 2 + HULL_PADDING, _PIECES, -_PIECE / 2)
     half = RING_THICKNESS / 2 - HULL_PADDING
@@ -72,6 +72,6 @@ def _pieces(diameter: float) -> list[HullPart]:
 
 
 def _circle(radius: float, corners: int, first: float) -> npt.NDArray[np.float64]:
-    """(N, 2) corners on a circle [m], the first at that angle [rad]."""
+    """Return (N, 2) corners on a circle [m], the first at that angle [rad]."""
     angles = first + np.arange(corners) * (math.tau / corners)
     return radius * np.stack([np.cos(angles), np.sin(angles)], axis=-1)

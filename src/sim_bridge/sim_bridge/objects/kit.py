@@ -20,14 +20,14 @@ _PRINT = 0.0009  # how far a print rises above the slab [m]
 
 @lru_cache(maxsize=1)
 def kit_slab() -> Shape:
-    """The brown slab, its frame in its middle."""
+    """Return the brown slab, its frame in its middle."""
     mesh = TriangleMesh.box(KIT_SIZE).colored(rgb("brown"))
     return Shape("kit", mesh, Collision.box(KIT_SIZE), mass=0.5)
 
 
 @lru_cache(maxsize=len(KIT_SHAPES))
 def hole_shape(index: int) -> Shape:
-    """The print of a kitting shape, its frame on the slab's top.
+    """Return the print of a kitting shape, its frame on the slab's top.
 
     It is only seen: the original's edge of 0.9 mm would tilt what lies half on it and stop what slides into place.
     """
@@ -38,6 +38,6 @@ def hole_shape(index: int) -> Shape:
 
 
 def hole_poses(kit: Pose) -> list[Pose]:
-    """Where the five prints' middles are on a kit's top, turned as it is."""
+    """Return the poses of the five prints' middles on a kit's top, turned as the kit is."""
     top = KIT_SIZE[2] / 2
     return [kit @ Pose.from_xyz_rpy((x, y, top), (0.0, 0.0, 0.0)) for x, y in HOLES_IN_KIT]

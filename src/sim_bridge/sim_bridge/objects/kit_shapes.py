@@ -30,7 +30,7 @@ _MARGIN = 0.0009  # by which PyBullet makes a hull thicker on every side [m]
 
 @dataclass(frozen=True)
 class KitShape:
-    """A row of the table in docs/benchmark.md, "Kitting shapes".
+    """Row of the table in docs/benchmark.md, "Kitting shapes".
 
     period: what the metric takes for the same, when the shape is turned by it [rad]; 0 when every turn is.
     symmetry: what truly maps the outline on itself; the same, but for the triangle, which is not equilateral.
@@ -74,7 +74,7 @@ UNSEEN_SHAPES = tuple(range(14, 20))
 
 @lru_cache(maxsize=len(KIT_SHAPES))
 def kit_shape(index: int) -> Shape:
-    """Shape `index` of the table, its frame in its middle: of its bounding box, and of its thickness."""
+    """Return shape `index` of the table; its frame is in the middle of its bounding box and of its thickness."""
     row = KIT_SHAPES[index]
     outline = row.outline()
     mesh = TriangleMesh.extruded(outline.corners, THICKNESS, outline.holes)

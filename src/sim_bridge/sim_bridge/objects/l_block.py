@@ -25,7 +25,7 @@ _PINCH_AT = 0.035  # along a leg: clear of the other leg, near the block's middl
 
 @lru_cache(maxsize=1)
 def l_block_shape() -> Shape:
-    """Two bars that share a corner (docs/benchmark.md, "Objects"), its frame in the middle of that corner."""
+    """Return two bars that share a corner (docs/benchmark.md, "Objects"), its frame in the middle of that corner."""
     outline = _l_outline(0.0)
     mesh = TriangleMesh.extruded(outline, L_HEIGHT).transformed(Pose.from_xyz_rpy((0, 0, -L_HEIGHT / 2), (0, 0, 0)))
     along = _box((_LOW, _HIGH), (_LOW, -_LOW), L_HEIGHT)
@@ -36,7 +36,7 @@ def l_block_shape() -> Shape:
 
 @lru_cache(maxsize=1)
 def l_fixture_shape() -> Shape:
-    """Walls around an L-shaped channel without a floor; the block in its middle has the same planar pose."""
+    """Return walls around an L-shaped channel without a floor; the block in its middle has the same planar pose."""
     half = FIXTURE_WALL / 2
     corners = _l_outline(CLEARANCE + half)
     walls = []
@@ -48,12 +48,12 @@ def l_fixture_shape() -> Shape:
 
 
 def _l_outline(grown: float) -> list[tuple[float, float]]:
-    """Corners of the block's outline, counter-clockwise, moved outwards by `grown` [m]."""
+    """Return the corners of the block's outline, counter-clockwise, moved outwards by `grown` [m]."""
     low, inner, high = _LOW - grown, -_LOW + grown, _HIGH + grown
     return [(low, low), (high, low), (high, inner), (inner, inner), (inner, high), (low, high)]
 
 
 def _box(x: tuple[float, float], y: tuple[float, float], height: float) -> BoxPart:
-    """A box between those bounds [m], about z = 0."""
+    """Return a box between those bounds [m], about z = 0."""
     size = (x[1] - x[0], y[1] - y[0], height)
     return BoxPart(size, Pose.from_xyz_rpy(((x[0] + x[1]) / 2, (y[0] + y[1]) / 2, 0.0), (0.0, 0.0, 0.0)))

@@ -1,4 +1,4 @@
-"""What a flat thing looks like from above."""
+"""Outline of a flat thing from above."""
 
 from __future__ import annotations
 
@@ -16,14 +16,15 @@ Points = list[tuple[float, float]]
 
 @dataclass(frozen=True, eq=False)
 class Outline:
-    """corners (N, 2) counter-clockwise and each hole (K, 2) clockwise [m], the first corner not repeated."""
+    """Outline with corners (N, 2) counter-clockwise and each hole (K, 2)
+    clockwise [m], the first corner not repeated."""
 
     corners: FloatArray
     holes: tuple[FloatArray, ...] = ()
 
     @classmethod
     def from_mm(cls, corners: npt.ArrayLike, holes: Sequence[npt.ArrayLike] = ()) -> Outline:
-        """From corners [mm] in order, clockwise or not.
+        """Return the outline of corners [mm] in order, clockwise or not.
 
         Raises:
             SimulationError: when a ring has fewer than three corners or no area.
@@ -33,7 +34,7 @@ class Outline:
 
     @property
     def centroid(self) -> FloatArray:
-        """(2,) middle of its area [m]."""
+        """Middle of its area, (2,) [m]."""
         area, moment = 0.0, np.zeros(2)
         for ring in (self.corners, *self.holes):
             following = np.roll(ring, -1, axis=0)
@@ -43,12 +44,12 @@ class Outline:
         return moment / area
 
     def inset(self, by: float) -> Outline:
-        """The same with every edge moved inwards [m]; holes grow."""
+        """Return the same with every edge moved inwards [m]; holes grow."""
         return Outline(_moved(self.corners, by), tuple(_moved(hole, by) for hole in self.holes))
 
 
 def _moved(ring: FloatArray, by: float) -> FloatArray:
-    """A ring with every edge moved to its left [m]."""
+    """Return a ring with every edge moved to its left [m]."""
     edges = np.roll(ring, -1, axis=0) - ring
     after = np.stack([-edges[:, 1], edges[:, 0]], axis=-1) / np.linalg.norm(edges, axis=1, keepdims=True)
     before = np.roll(after, 1, axis=0)
@@ -57,7 +58,7 @@ def _moved(ring: FloatArray, by: float) -> FloatArray:
 
 
 def arc(middle: tuple[float, float], radii: tuple[float, float], start: float, end: float, corners: int) -> Points:
-    """Corners on an ellipse from one angle up to another [degrees], which is left out."""
+    """Return corners on an ellipse from one angle up to another [degrees], which is left out."""
     angles = np.radians(np.linspace(start, end, corners, endpoint=False))
     x, y = middle[0] + radii[0] * np.cos(angles), middle[1] + radii[1] * np.sin(angles)
     return list(zip(x.tolist(), y.tolist(), strict=True))

@@ -14,6 +14,6 @@ _WOOD = (222, 184, 135)
 
 @lru_cache(maxsize=1)
 def pallet_shape() -> Shape:
-    """The pallet (docs/benchmark.md, "Objects"), its frame in its middle."""
+    """Return the pallet (docs/benchmark.md, "Objects"), its frame in its middle."""
     mesh = TriangleMesh.box(PALLET_SIZE).colored(_WOOD)
     return Shape("pallet", mesh, Collision.box(PALLET_SIZE), mass=2.0)

@@ -17,14 +17,14 @@ _HEIGHT = 0.001  # [m]
 
 @lru_cache(maxsize=1)
 def pile_block_shape() -> Shape:
-    """A cube of a gram; it is pushed, never held."""
+    """Return a cube of a gram; it is pushed, never held."""
     size = (PILE_BLOCK_SIZE,) * 3
     return Shape("small block", TriangleMesh.box(size), Collision.box(size), mass=0.001, friction=0.5)
 
 
 @lru_cache(maxsize=1)
 def zone_shape() -> Shape:
-    """Four flat strips, only seen; the frame in their middle, on the table."""
+    """Return four flat strips, only seen; the frame in their middle, on the table."""
     middle = (ZONE_OUTLINE - _LINE) / 2
     along, across = (ZONE_OUTLINE, _LINE, _HEIGHT), (_LINE, ZONE_OUTLINE, _HEIGHT)
     strips = [(along, (0.0, -middle)), (along, (0.0, middle)), (across, (-middle, 0.0)), (across, (middle, 0.0))]

@@ -14,6 +14,6 @@ PYRAMID_STAND_HEIGHT = 0.005  # [m]
 
 @lru_cache(maxsize=1)
 def pyramid_stand_shape() -> Shape:
-    """The stand (docs/benchmark.md, "Objects"), its frame in its middle."""
+    """Return the stand (docs/benchmark.md, "Objects"), its frame in its middle."""
     size = (PYRAMID_TILE, 3 * PYRAMID_TILE, PYRAMID_STAND_HEIGHT)
     return Shape("stand", tile_row(PYRAMID_TILE, PYRAMID_STAND_HEIGHT), Collision.box(size), mass=0.5)

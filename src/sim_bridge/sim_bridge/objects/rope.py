@@ -32,7 +32,7 @@ _WOBBLE = 0.0005  # of each bead before the rope falls, per axis: standard devia
 
 @lru_cache(maxsize=1)
 def bead_shape() -> Shape:
-    """One bead: seen as a ball, in physics a cube, so that it does not roll (docs/benchmark.md, "Objects")."""
+    """Return one bead: seen as a ball, in physics a cube, so that it does not roll (docs/benchmark.md, "Objects")."""
     steps = 8
     profile = [
         (_BEAD_RADIUS * math.sin(math.pi * i / steps), -_BEAD_RADIUS * math.cos(math.pi * i / steps))
@@ -44,7 +44,7 @@ def bead_shape() -> Shape:
 
 @lru_cache(maxsize=1)
 def square_shape() -> Shape:
-    """Three flat strips along the sides -y, -x and +x; its frame in its middle, on the table."""
+    """Return three flat strips along the sides -y, -x and +x; its frame in its middle, on the table."""
     half = SQUARE_SIDE / 2
     strips = [
         ((SQUARE_SIDE + _STRIP, _STRIP, SQUARE_HEIGHT), (0.0, -half)),
@@ -81,7 +81,7 @@ def link_beads(client: int, beads: Sequence[SceneObject]) -> None:
 
 
 def standing_chain(rng: np.random.Generator) -> list[Pose]:
-    """A rope that stands upright above the origin, its first bead lowest, and falls into a heap.
+    """Return a rope that stands upright above the origin, its first bead lowest, and falls into a heap.
 
     Yaw and wobble are random: physics repeats itself, and one stack would fall into the same heap in every scene.
     """

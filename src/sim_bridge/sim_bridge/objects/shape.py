@@ -1,4 +1,4 @@
-"""What a thing is, made once and put into scenes as often as wished; and a thing in a scene."""
+"""Shape of a kind of thing, made once and put into scenes as often as wished, and a thing in a scene."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from sim_bridge.objects.collision import Collision
 
 @dataclass(frozen=True)
 class Pinch:
-    """A good grasp of an upright thing, in its body frame: the middle between the jaws' contacts [m], the
-    direction in which they close [rad] and how far apart they are then [m]."""
+    """Grasp of an upright thing, in its body frame: the middle between the jaws' contacts [m], the direction in which
+    they close [rad] and how far apart they are then [m]."""
 
     x: float
     y: float
@@ -46,13 +46,13 @@ class Shape:
 
     @cached_property
     def footprint(self) -> npt.NDArray[np.float64]:
-        """(N, 2) convex outline on the table [m, body frame], counter-clockwise."""
+        """Convex outline on the table, (N, 2) [m, body frame], counter-clockwise."""
         hull = cv2.convexHull(self.mesh.vertices[:, :2].astype(np.float32), clockwise=False)
         return np.asarray(hull, dtype=np.float64).reshape(-1, 2)
 
     @cached_property
     def radius(self) -> float:
-        """From the body's axis to the farthest point of the footprint [m]."""
+        """Distance from the body's axis to the farthest point of the footprint [m]."""
         return float(np.linalg.norm(self.footprint, axis=1).max())
 
     @cached_property
@@ -76,12 +76,12 @@ class SceneObject:
 
     @property
     def name(self) -> str:
-        """What it is, such as "block"."""
+        """Name of its kind, such as "block"."""
         return self.shape.name
 
     @property
     def mesh(self) -> TriangleMesh:
-        """Its triangles in the body frame."""
+        """Triangles in the body frame."""
         return self.shape.mesh
 
     @property

@@ -1,4 +1,4 @@
-"""Three tiles in a row along y, light, middle and dark brown: what stands are made of."""
+"""Three tiles in a row along y, light, middle and dark brown: the body of a stand."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ DARK_BROWN: Rgb = (78, 58, 48)
 
 
 def tile_row(edge: float, height: float) -> TriangleMesh:
-    """Square tiles [m] side by side, the lightest at -y, the row's middle at the origin."""
+    """Return square tiles [m] side by side, the lightest at -y, the row's middle at the origin."""
     tile = TriangleMesh.box((edge, edge, height))
     tones = ((-edge, LIGHT_BROWN), (0.0, rgb("brown")), (edge, DARK_BROWN))
     return TriangleMesh.joined(

@@ -1,1 +1,1 @@
-"""What the camera sees: the scene drawn by ray casting, and the sensor's faults on top."""
+"""Images of the simulated camera: the scene drawn by ray casting, and the sensor's faults on top."""

@@ -16,7 +16,7 @@ _LOWEST_LIGHT = math.radians(5.0)
 
 @dataclass(frozen=True)
 class Appearance:
-    """How the scene is lit and what the table looks like.
+    """Light on the scene and look of the table.
 
     light_azimuth, light_elevation: where the light comes from [rad], azimuth about z from x, elevation above
     the table. diffuse, ambient: shares of a surface's colour; a level surface shows their weighted sum, so
@@ -52,7 +52,7 @@ class Appearance:
         )
 
     def table_colors(self, points: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
-        """Colour 0..255 of the table, (K, 3) or (3,), at points (K, 3) [m, base frame]."""
+        """Return the table's colour 0..255, (K, 3) or (3,), at points (K, 3) [m, base frame]."""
         if self.table_texture is None:
             return np.array(self.table_rgb, dtype=np.float32)
         return self.table_texture.colors(points, self.table_rgb)
@@ -60,7 +60,7 @@ class Appearance:
 
 @dataclass(frozen=True)
 class AppearanceRanges:
-    """What looks are drawn from, uniformly: each pair is the lowest and the highest value.
+    """Ranges from which looks are drawn uniformly: each pair is the lowest and the highest value.
 
     light_elevation [rad]; the light's azimuth is any. brightness: what a lit level surface shows of its colour;
     diffuse_share: of that, what the directed light gives. exposure: factor on all that the camera shows. table_grey:
@@ -80,7 +80,7 @@ class AppearanceRanges:
 
 
 def random_appearance(rng: np.random.Generator, ranges: AppearanceRanges | None = None) -> Appearance:
-    """A light from anywhere above and a greyish table."""
+    """Draw a light from anywhere above and a greyish table."""
     ranges = ranges or AppearanceRanges()
     elevation = float(rng.uniform(*ranges.light_elevation))
     level = float(rng.uniform(*ranges.brightness))

@@ -21,12 +21,12 @@ _FLOOR_XY = (-4.0, 4.0)
 
 @lru_cache(maxsize=1)
 def backdrop_mesh() -> TriangleMesh:
-    """Table and floor in the base frame."""
+    """Return table and floor in the base frame."""
     return TriangleMesh.joined([_box(TABLE_X, TABLE_Y, TABLE_Z), _box(_FLOOR_XY, _FLOOR_XY, FLOOR_Z)])
 
 
 def backdrop_colors(appearance: Appearance) -> npt.NDArray[np.float32]:
-    """A colour 0..255 a triangle of the backdrop's mesh, (M, 3)."""
+    """Return a colour 0..255 for each triangle of the backdrop's mesh, (M, 3)."""
     colors = np.empty((len(backdrop_mesh().triangles), 3), dtype=np.float32)
     colors[:TABLE_TRIANGLES] = appearance.table_rgb
     colors[TABLE_TRIANGLES:] = appearance.floor_rgb
@@ -34,6 +34,6 @@ def backdrop_colors(appearance: Appearance) -> npt.NDArray[np.float32]:
 
 
 def _box(*ranges: tuple[float, float]) -> TriangleMesh:
-    """Between two x, two y and two z [m]."""
+    """Return a box between two x, two y and two z [m]."""
     x, y, z = (abs(a - b) for a, b in ranges)
     return TriangleMesh.box((x, y, z)).transformed(Pose(np.eye(3), np.mean(ranges, axis=1)))

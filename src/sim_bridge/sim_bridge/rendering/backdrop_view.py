@@ -1,4 +1,4 @@
-"""What a camera sees of the backdrop alone: made once for as long as camera and light stay."""
+"""View of the backdrop alone: made once for as long as camera and light stay."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from sim_bridge.rendering.part import parts_of
 from sim_bridge.rendering.rays import Rays
 from sim_bridge.rendering.shading import shade
 
-_RIM = 1e-3  # this near to the table's edge, rays decide [m]
+_EDGE_MARGIN = 1e-3  # this near to the table's edge, rays decide [m]
 _UP = np.array([0.0, 0.0, 1.0], dtype=np.float32)
 
 
@@ -37,7 +37,7 @@ class BackdropView:
 
     @classmethod
     def along(cls, rays: Rays, appearance: Appearance, n_threads: int) -> BackdropView:
-        """The table's top by geometry, all else by casting rays; n_threads: 0 uses every core."""
+        """Make the view: the table's top by geometry, all else by casting rays; n_threads: 0 uses every core."""
         depth, is_top = _table_top(rays)
         normal = np.tile(_UP, (len(depth), 1))
         table = np.array([appearance.table_rgb], dtype=np.float32)
@@ -58,10 +58,10 @@ class BackdropView:
 
 
 def _table_top(rays: Rays) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.bool_]]:
-    """Depth (N,) of the plane z = 0, and whether the ray meets the table's top there."""
+    """Return the depth (N,) of the plane z = 0, and whether the ray meets the table's top there."""
     down = np.minimum(rays.directions[:, 2], np.float32(-1e-6))
     depth = -rays.origin[2] / down
     x = rays.origin[0] + depth * rays.directions[:, 0]
     y = rays.origin[1] + depth * rays.directions[:, 1]
-    is_top = (depth > 0.0) & (x > TABLE_X[0] + _RIM) & (x < TABLE_X[1] - _RIM)
-    return depth, is_top & (y > TABLE_Y[0] + _RIM) & (y < TABLE_Y[1] - _RIM)
+    is_top = (depth > 0.0) & (x > TABLE_X[0] + _EDGE_MARGIN) & (x < TABLE_X[1] - _EDGE_MARGIN)
+    return depth, is_top & (y > TABLE_Y[0] + _EDGE_MARGIN) & (y < TABLE_Y[1] - _EDGE_MARGIN)

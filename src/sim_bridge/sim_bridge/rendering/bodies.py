@@ -35,7 +35,7 @@ class Body(NamedTuple):
 
 
 def bodies_of(world: Visible, appearance: Appearance) -> list[Body]:
-    """The world's things, then the arm's links, as they are now."""
+    """Return the world's things, then the arm's links, as they are now."""
     bodies = [Body(thing.mesh, world.object_pose(thing), thing.rgb) for thing in world.objects]
     for link, mesh in panda_meshes().items():
         index = -1 if link == ROBOT.base_frame else world.panda.link_indices[link]

@@ -18,7 +18,7 @@ from sim_bridge.rendering.sensor_noise import NoiseConfig, with_noise
 from sim_bridge.rendering.visible import Visible
 
 OPTICAL_FRAME = "camera_color_optical_frame"
-_STILL = 2e-4  # a pose's numbers [m, or of a rotation matrix] change less than this while nothing moves
+_STILL_TOLERANCE = 2e-4  # a pose's numbers [m, or of a rotation matrix] change less than this while nothing moves
 
 
 def default_intrinsics() -> CameraModel:
@@ -64,7 +64,7 @@ class SimCamera:
 
     @property
     def camera_in_base(self) -> Pose:
-        """Where calibration says that the optical frame is."""
+        """Pose of the optical frame according to calibration."""
         return self.config.camera_in_base
 
     def capture(
@@ -74,7 +74,7 @@ class SimCamera:
         appearance: Appearance | None = None,
         true_camera_in_base: Pose | None = None,
     ) -> RgbdFrame:
-        """A frame of the world as it is now; rng draws the noise.
+        """Take a frame of the world as it is now; rng draws the noise.
 
         appearance, true_camera_in_base: light and true mounting of this frame; as configured by default.
         """
@@ -86,7 +86,7 @@ class SimCamera:
         if not self.config.reuse_still:
             return self._renderer.render(world, camera_in_base, appearance)
         what, where = _scene_fingerprint(world, camera_in_base, appearance)
-        if self._last is None or self._last[0] != what or np.abs(self._last[1] - where).max() > _STILL:
+        if self._last is None or self._last[0] != what or np.abs(self._last[1] - where).max() > _STILL_TOLERANCE:
             self._last = what, where, self._renderer.render(world, camera_in_base, appearance)
         return self._last[2]
 
@@ -106,7 +106,7 @@ class SimCamera:
 def _scene_fingerprint(
     world: Visible, camera_in_base: Pose, appearance: Appearance
 ) -> tuple[object, npt.NDArray[np.float64]]:
-    """What is visible and how it is lit, to be compared for equality; and every pose as one row of numbers."""
+    """Return the visible things with their light, to be compared for equality, and every pose as one row of numbers."""
     poses = [camera_in_base, *(world.object_pose(thing) for thing in world.objects)]
     poses += [world.panda.link_pose(index) for index in world.panda.link_indices.values()]
     where = np.concatenate([np.append(pose.rotation.ravel(), pose.translation) for pose in poses])
@@ -116,7 +116,7 @@ def _scene_fingerprint(
 def mounting_error(
     camera_in_base: Pose, rng: np.random.Generator, shift_sigma: float = 0.0015, turn_sigma: float = 0.0015
 ) -> Pose:
-    """Where the camera truly is when calibration is off by a little: sigmas in m and rad per axis."""
+    """Draw the camera's true pose when calibration is off by a little: sigmas in m and rad per axis."""
     error = Pose.from_xyz_rpy((0.0, 0.0, 0.0), rng.normal(0.0, turn_sigma, 3))
     return Pose(
         error.rotation @ camera_in_base.rotation,

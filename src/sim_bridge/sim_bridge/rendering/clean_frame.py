@@ -1,4 +1,4 @@
-"""What a perfect camera would see."""
+"""Image of a perfect camera."""
 
 from __future__ import annotations
 

@@ -28,7 +28,7 @@ class ImageWindow:
 
     @classmethod
     def whole(cls, camera: CameraModel) -> ImageWindow:
-        """Every pixel."""
+        """Return the window of every pixel."""
         return cls(0, camera.height, 0, camera.width)
 
     @classmethod
@@ -40,7 +40,7 @@ class ImageWindow:
         top: float = 0.12,
         border: int = 12,
     ) -> ImageWindow:
-        """The pixels that see the workspace up to a height `top` [m], and a border of pixels around them."""
+        """Return the pixels that see the workspace up to a height `top` [m], and a border of pixels around them."""
         corners = [
             (x, y, z)
             for x in (workspace.x_min, workspace.x_max)
@@ -64,17 +64,17 @@ class ImageWindow:
 
     @property
     def shape(self) -> tuple[int, int]:
-        """(rows, columns)."""
+        """Size as (rows, columns)."""
         return self.row_end - self.row_start, self.col_end - self.col_start
 
     @property
     def slices(self) -> tuple[slice, slice]:
-        """For indexing an image (H, W, ...)."""
+        """Index of the window in an image (H, W, ...)."""
         return slice(self.row_start, self.row_end), slice(self.col_start, self.col_end)
 
 
 def _pixels_into_box(camera: CameraModel, camera_in_base: Pose, corners: FloatArray) -> FloatArray:
-    """(N, 2) the pixels (row, col) whose rays meet the upright box about corners (8, 3) [m, base frame]."""
+    """Return the pixels (row, col) whose rays meet the upright box about corners (8, 3) [m, base frame], (N, 2)."""
     origin = camera_in_base.translation
     directions = camera.rays().reshape(-1, 3).astype(np.float64) @ camera_in_base.rotation.T
     directions = np.where(np.abs(directions) < 1e-12, 1e-12, directions)

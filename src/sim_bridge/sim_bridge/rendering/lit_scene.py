@@ -1,4 +1,4 @@
-"""What rays meet in a lit scene, and whether it lies in shadow."""
+"""Surfaces that rays meet in a lit scene, in light or shadow."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ _LIFT = 5e-4  # shadow rays start this far off the surface [m]
 
 
 class Seen(NamedTuple):
-    """Where K rays end: depth (K,) [m], inf for nowhere; normal (K, 3), zero for nowhere; shown colour (K, 3); sunny
-    (K,), whether the light reaches there."""
+    """Ends of K rays: depth (K,) [m], inf for nowhere; normal (K, 3), zero for nowhere; shown colour (K, 3); sunny
+    (K,): whether the light reaches there."""
 
     depth: npt.NDArray[np.float32]
     normal: npt.NDArray[np.float32]
@@ -35,7 +35,8 @@ class LitScene:
         self._to_light = np.array(appearance.to_light, dtype=np.float32)
 
     def look(self, rays: Rays) -> Seen:
-        """What the rays meet first, in light or shadow; beyond everything there is the floor's colour in shadow."""
+        """Return the first surfaces that rays meet, in light or shadow; beyond
+        everything there is the floor's colour in shadow."""
         n = len(rays.lengths)
         depth = np.full(n, np.inf, dtype=np.float32)
         normal = np.zeros((n, 3), dtype=np.float32)
@@ -49,7 +50,7 @@ class LitScene:
     def sunny(
         self, rays: Rays, depth: npt.NDArray[np.float32], normal: npt.NDArray[np.float32]
     ) -> npt.NDArray[np.bool_]:
-        """(K,) whether the light reaches surfaces of these normals (K, 3) that rays meet at depths (K,) [m]."""
+        """Return (K,) whether the light reaches surfaces of these normals (K, 3) that rays meet at depths (K,) [m]."""
         sunny = towards_light(self._appearance, normal) > 0.0
         rows = np.flatnonzero(sunny)
         points = rays.take(rows).points(depth.take(rows))

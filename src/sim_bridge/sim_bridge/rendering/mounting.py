@@ -28,13 +28,13 @@ class MountingError(SimBridgeError):
 
 @dataclass(frozen=True)
 class CameraCalibration:
-    """What a calibration finds: the lens and image size, and the pose of the optical frame (z forward) in the base."""
+    """Result of a calibration: the lens and image size, and the pose of the optical frame (z forward) in the base."""
 
     intrinsics: CameraModel
     camera_in_base: Pose
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain values, ready for YAML or JSON; the content of `camera:` in a file that load_camera reads."""
+        """Return plain values, ready for YAML or JSON: the content of `camera:` in a file that load_camera reads."""
         lens = self.intrinsics
         values: dict[str, Any] = {
             "position": self.camera_in_base.translation.tolist(),

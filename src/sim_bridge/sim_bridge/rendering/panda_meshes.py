@@ -15,7 +15,7 @@ _PARTS = (*(f"link{i}" for i in range(8)), "hand")
 
 @lru_cache(maxsize=1)
 def panda_meshes() -> dict[str, TriangleMesh]:
-    """By link name, each in its link's frame."""
+    """Return the meshes by link name, each in its link's frame."""
     folder = Path(pybullet_data.getDataPath()) / "franka_panda" / "meshes" / "collision"
     meshes = {f"{ROBOT.prefix}{name}": TriangleMesh.from_obj(folder / f"{name}.obj") for name in _PARTS}
     finger = TriangleMesh.from_obj(folder / "finger.obj")

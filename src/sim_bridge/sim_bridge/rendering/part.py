@@ -1,4 +1,4 @@
-"""What rays are cast at (Open3D's Embree scenes): many small bodies as one, or a large or textured one alone."""
+"""Parts at which rays are cast (Open3D's Embree scenes): many small bodies as one, or a large or textured one alone."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from sim_bridge.rendering.backdrop import TABLE_TRIANGLES, backdrop_colors, back
 from sim_bridge.rendering.bodies import Body
 from sim_bridge.rendering.rays import Rays, dot, turned
 
-_LARGE = 1000  # triangles from which on a mesh's search tree is worth keeping from frame to frame
+_LARGE_MESH = 1000  # triangles from which on a mesh's search tree is worth keeping from frame to frame
 
 
 class Struck(NamedTuple):
-    """Rays that meet a part, by their rows (K,): at which depth (K,) [m], the surface's own normal (K, 3), base
-    frame, and colour (K, 3)."""
+    """Rays that meet a part, by their rows (K,): at which depth (K,) [m], the
+    surface's own normal (K, 3), base frame, and colour (K, 3)."""
 
     rows: npt.NDArray[np.intp]
     depth: npt.NDArray[np.float32]
@@ -34,7 +34,8 @@ class Struck(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """M triangles with normals and colors (M, 3): of one mesh alone, in its own frame, or of several in the base frame.
+    """M triangles with normals and colors (M, 3): of one mesh alone, in its
+    own frame, or of several, in the base frame.
 
     pose: of that frame in the base frame. table: the look of the table that is its first triangles, where that has a
     texture.
@@ -49,7 +50,7 @@ class Part:
     table: Appearance | None = None
 
     def strike(self, rays: Rays, nearer_than: npt.NDArray[np.float32]) -> Struck:
-        """Those of K rays that meet it at a depth below (K,) [m]."""
+        """Return those of K rays that meet it at a depth below (K,) [m]."""
         rows = self._near_rays(rays)
         origin, directions = self._points(rays.origin[None]), self._directions(rays.directions.take(rows, axis=0))
         found = self.scene.cast_rays(_tensor(origin, directions), nthreads=self.n_threads)
@@ -69,7 +70,7 @@ class Part:
         return Struck(rows.take(first), depth.take(first), normal, color)
 
     def blocks(self, points: npt.NDArray[np.float32], to_light: npt.NDArray[np.float32]) -> npt.NDArray[np.bool_]:
-        """(K,) whether it stands between points (K, 3) [m] and the light."""
+        """Return (K,) whether it stands between points (K, 3) [m] and the light."""
         blocked = np.zeros(len(points), dtype=bool)
         rows = self._near_probes(points, to_light)
         probes = _tensor(self._points(points.take(rows, axis=0)), self._directions(to_light[None]))
@@ -77,15 +78,15 @@ class Part:
         return blocked
 
     def _points(self, points: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
-        """Points (K, 3) of the base frame in the own one."""
+        """Return points (K, 3) of the base frame in the own one."""
         return self._directions(points - self.pose.translation.astype(np.float32))
 
     def _directions(self, directions: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
-        """Directions (K, 3) of the base frame in the own one."""
+        """Return directions (K, 3) of the base frame in the own one."""
         return directions if self.alone is None else turned(directions, self.pose.rotation.T)
 
     def _near_rays(self, rays: Rays) -> npt.NDArray[np.intp]:
-        """Rows of rays whose lines pass through a ball about it."""
+        """Return the rows of rays whose lines pass through a ball about it."""
         if self.alone is None:
             return np.arange(len(rays.lengths))
         middle, radius = _ball(self.alone, self.pose)
@@ -94,7 +95,7 @@ class Part:
         return np.flatnonzero(along * along >= (offset @ offset - radius * radius) * rays.lengths * rays.lengths)
 
     def _near_probes(self, points: npt.NDArray[np.float32], to_light: npt.NDArray[np.float32]) -> npt.NDArray[np.intp]:
-        """Rows of points whose lines to the light pass through that ball."""
+        """Return the rows of points whose lines to the light pass through that ball."""
         if self.alone is None:
             return np.arange(len(points))
         middle, radius = _ball(self.alone, self.pose)
@@ -104,8 +105,8 @@ class Part:
 
 
 def parts_of(bodies: Sequence[Body], appearance: Appearance, n_threads: int) -> list[Part]:
-    """The backdrop and all small bodies, then the others."""
-    apart = [len(body.mesh.triangles) >= _LARGE or body.mesh.texture is not None for body in bodies]
+    """Return the backdrop with all small bodies as one part, then the others."""
+    apart = [len(body.mesh.triangles) >= _LARGE_MESH or body.mesh.texture is not None for body in bodies]
     together = [body for body, alone in zip(bodies, apart) if not alone]
     vertices, normals = [backdrop_mesh().vertices], [backdrop_mesh().normals]
     triangles, colors = [backdrop_mesh().triangles], [backdrop_colors(appearance)]
@@ -127,13 +128,13 @@ def parts_of(bodies: Sequence[Body], appearance: Appearance, n_threads: int) -> 
 
 
 def _colors(body: Body) -> npt.NDArray[np.float32]:
-    """(M, 3), textures apart."""
+    """Return the colours of the triangles, (M, 3), textures apart."""
     own = body.rgb if body.mesh.colors is None else body.mesh.colors
     return np.broadcast_to(np.asarray(own, dtype=np.float32), body.mesh.triangles.shape)
 
 
 def _ball(mesh: TriangleMesh, pose: Pose) -> tuple[npt.NDArray[np.float32], np.float32]:
-    """Middle (3,) and radius [m], base frame, of a ball about a mesh at a pose."""
+    """Return middle (3,) and radius [m], base frame, of a ball about a mesh at a pose."""
     low, high = mesh.box_corners[0], mesh.box_corners[-1]
     return pose.apply((low + high) / 2).astype(np.float32), np.float32(1.001 * np.linalg.norm(high - low) / 2)
 
@@ -150,7 +151,7 @@ def _scene(vertices: npt.NDArray[np.float32], triangles: npt.NDArray[np.int32], 
 
 
 def _tensor(origins: npt.NDArray[np.float32], directions: npt.NDArray[np.float32]) -> o3c.Tensor:
-    """Open3D's rays (K, 6), of (K, 3) and (1, 3) or the other way round."""
+    """Return Open3D's rays (K, 6), of (K, 3) and (1, 3) or the other way round."""
     n, _ = np.broadcast_shapes(origins.shape, directions.shape)
     rays = np.empty((n, 6), dtype=np.float32)
     rays[:, :3] = origins

@@ -42,7 +42,7 @@ class Renderer:
         self._backdrop: tuple[object, BackdropView] | None = None
 
     def render(self, world: Visible, camera_in_base: Pose, appearance: Appearance) -> CleanFrame:
-        """What the camera at that pose (optical frame: z forward, x right, y down) sees now."""
+        """Return the image of a camera at that pose (optical frame: z forward, x right, y down)."""
         backdrop = self._backdrop_view(camera_in_base, appearance)
         view = View(self.camera, self._window, camera_in_base)
         to_light = np.array(appearance.to_light, dtype=np.float32)
@@ -70,7 +70,7 @@ class Renderer:
         return CleanFrame(color.reshape(*shape, 3), depth.reshape(shape), facing.reshape(shape))
 
     def _backdrop_view(self, camera_in_base: Pose, appearance: Appearance) -> BackdropView:
-        """The empty backdrop, made anew when camera or light have changed."""
+        """Return the view of the empty backdrop, made anew when camera or light have changed."""
         key = camera_in_base.as_matrix().tobytes(), appearance
         if self._backdrop is None or self._backdrop[0] != key:
             directions = turned(self._rays_in_camera, camera_in_base.rotation)
@@ -82,7 +82,7 @@ class Renderer:
 def _visible_bodies(
     bodies: Sequence[Body], view: View, backdrop: BackdropView, to_light: npt.NDArray[np.float32]
 ) -> list[Body]:
-    """Bodies that can be seen, or throw a shadow on anything that can."""
+    """Return the bodies that can be seen, or throw a shadow on anything that can."""
     if not bodies:
         return []
     boxes = np.stack([body.box for body in bodies])

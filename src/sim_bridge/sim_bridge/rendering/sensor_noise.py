@@ -12,8 +12,8 @@ from scipy.special import ndtri
 
 from sim_bridge.rendering.clean_frame import CleanFrame
 
-_LEVELS = 1 << 16  # what a draw can be
-_NOTHING = np.float32(1e3)  # depth that stands for none [m]
+_LEVELS = 1 << 16  # different values of a draw
+_NO_DEPTH = np.float32(1e3)  # depth that stands for none [m]
 _NEIGHBOURS = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
 
 
@@ -36,20 +36,21 @@ class NoiseConfig:
 
     @classmethod
     def none(cls) -> NoiseConfig:
-        """A perfect sensor."""
+        """Return the settings of a perfect sensor."""
         return cls(0.0, 0.0, np.inf, 0.0, 0.0, 0.0)
 
 
 def with_noise(
     clean: CleanFrame, noise: NoiseConfig, rng: np.random.Generator
 ) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.float32]]:
-    """Noisy colour, and noisy depth [m] with NaN where it is lost. How much rng is drawn from depends on no pixel."""
+    """Return noisy colour, and noisy depth [m] with NaN where it is lost. The
+    number of draws from rng depends on no pixel."""
     color = clean.color
     if noise.color_sigma > 0.0:
         grain = np.rint(_normal_quantiles() * noise.color_sigma).astype(np.int16)
         color = cv2.add(color, grain.take(_draws(rng, color.shape)), dtype=cv2.CV_8U)  # saturates
     known = np.isfinite(clean.depth)
-    depth = np.where(known, clean.depth, _NOTHING)
+    depth = np.where(known, clean.depth, _NO_DEPTH)
     lost = ~known | (clean.facing < noise.min_facing)
     if noise.loss > 0.0 or noise.edge_loss > 0.0:
         chance = _draws(rng, depth.shape)
@@ -66,19 +67,20 @@ def with_noise(
 
 
 def _draws(rng: np.random.Generator, shape: tuple[int, ...]) -> npt.NDArray[np.uint16]:
-    """Uniform, 0.._LEVELS - 1: a table that they index gives any distribution, far cheaper than by its formula."""
+    """Draw uniformly from 0 to _LEVELS - 1: indices into a table of any distribution, far cheaper than its formula."""
     return rng.integers(0, _LEVELS, shape, dtype=np.uint16)
 
 
 @lru_cache(maxsize=1)
 def _normal_quantiles() -> npt.NDArray[np.float32]:
-    """(_LEVELS,) of the standard normal distribution, in the middle of as many equal shares; within +-4.3."""
+    """Return quantiles (_LEVELS,) of the standard normal distribution, each in
+    the middle of an equal share; within +-4.3."""
     quantiles: npt.NDArray[np.float64] = ndtri((np.arange(_LEVELS) + 0.5) / _LEVELS)
     return quantiles.astype(np.float32)
 
 
 def _edges(depth: npt.NDArray[np.float32], step: float) -> npt.NDArray[np.bool_]:
-    """Pixels on either side of a depth step."""
+    """Return (H, W) the pixels on either side of a depth step."""
     highest, lowest = cv2.dilate(depth, _NEIGHBOURS), cv2.erode(depth, _NEIGHBOURS)
     edges: npt.NDArray[np.bool_] = np.maximum(highest - depth, depth - lowest) > step
     return edges

@@ -15,7 +15,8 @@ def shade(
     normal: npt.NDArray[np.float32],
     dark: npt.NDArray[np.bool_] | bool,
 ) -> npt.NDArray[np.uint8]:
-    """RGB (K, 3) that points show: their own colours (K, 3) 0..255, normals (K, 3), dark (K,) in a shadow."""
+    """Return the RGB (K, 3) that points show: their own colours (K, 3)
+    0..255, normals (K, 3), dark (K,) in a shadow."""
     share = appearance.ambient * (0.85 + 0.15 * normal[:, 2])
     share += np.where(dark, 0.0, appearance.diffuse * towards_light(appearance, normal))
     shown = color * share[:, None]
@@ -23,5 +24,5 @@ def shade(
 
 
 def towards_light(appearance: Appearance, normal: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
-    """(K,) cosine between normals (K, 3) and the light, 0 where they face away."""
+    """Return the cosine (K,) between normals (K, 3) and the light, 0 where they face away."""
     return np.maximum(dot(normal, np.array(appearance.to_light, dtype=np.float32)), np.float32(0.0))

@@ -1,4 +1,4 @@
-"""Patterns on the table's top: what of its colour changes from place to place."""
+"""Patterns on the table's top."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _LATTICE = 64  # cells after which the noise repeats
 
 
 class Pattern(Enum):
-    """How the two colours of a texture are laid out."""
+    """Layout of a texture's two colours."""
 
     STRIPES = "stripes"
     CHECKS = "checks"
@@ -37,7 +37,7 @@ class TableTexture:
     seed: int = 0
 
     def colors(self, points: npt.NDArray[np.float32], own: tuple[float, float, float]) -> npt.NDArray[np.float32]:
-        """Colour (K, 3) 0..255 at points (K, 3) [m, base frame] of a table whose own colour is `own`."""
+        """Return colours (K, 3) 0..255 at points (K, 3) [m, base frame] of a table whose own colour is `own`."""
         c, s = math.cos(self.angle), math.sin(self.angle)
         along = (c * points[:, 0] + s * points[:, 1]) / self.period
         across = (c * points[:, 1] - s * points[:, 0]) / self.period
@@ -46,7 +46,7 @@ class TableTexture:
         return np.asarray(base + share * (other - base), dtype=np.float32)
 
     def _share(self, along: npt.NDArray[np.floating], across: npt.NDArray[np.floating]) -> npt.NDArray[np.float32]:
-        """(K,) how much of the other colour there is, 0..1, at places in periods."""
+        """Return the share (K,) of the other colour, 0..1, at places in periods."""
         if self.pattern is Pattern.STRIPES:
             share = np.floor(2.0 * along) % 2.0
         elif self.pattern is Pattern.CHECKS:
@@ -59,7 +59,7 @@ class TableTexture:
         return np.asarray(share, dtype=np.float32)
 
     def _noise(self, u: npt.NDArray[np.floating], v: npt.NDArray[np.floating]) -> npt.NDArray[np.float32]:
-        """(K,) smooth noise in 0..1 with cells of 1 x 1."""
+        """Return smooth noise (K,) in 0..1 with cells of 1 x 1."""
         lattice = _lattice(self.seed)
         left, low = np.floor(u), np.floor(v)
         right_share, high_share = u - left, v - low
@@ -72,5 +72,5 @@ class TableTexture:
 
 @lru_cache(maxsize=8)
 def _lattice(seed: int) -> npt.NDArray[np.float32]:
-    """(_LATTICE, _LATTICE) random numbers in 0..1."""
+    """Return random numbers (_LATTICE, _LATTICE) in 0..1."""
     return np.random.default_rng(seed).random((_LATTICE, _LATTICE), dtype=np.float32)

@@ -1,4 +1,4 @@
-"""What part of an image bodies and their shadows can take: no ray need be cast where they cannot be."""
+"""Part of an image that bodies and their shadows can take: no ray need be cast where they cannot be."""
 
 from __future__ import annotations
 
@@ -19,14 +19,15 @@ _SUBPIXEL_BITS = 4
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """A window of a camera's image, and where its optical frame is."""
+    """A window of a camera's image, and the pose of its optical frame."""
 
     camera: CameraModel
     window: ImageWindow
     camera_in_base: Pose
 
     def silhouettes(self, bodies: Sequence[npt.NDArray[np.float32]]) -> npt.NDArray[np.bool_]:
-        """(H, W) pixels that may show the convex hull of any body's points (K, 3) [m], and a border of one pixel.
+        """Return (H, W) pixels that may show the convex hull of any body's
+        points (K, 3) [m], and a border of one pixel.
 
         All pixels, where outlines are not to be had: a body reaches behind the camera, or the lens distorts.
         """
@@ -42,14 +43,14 @@ class View:
         return cv2.dilate(mask, np.ones((3, 3), dtype=np.uint8)).view(np.bool_)
 
     def may_see(self, bodies: npt.NDArray[np.float32]) -> npt.NDArray[np.bool_]:
-        """(B,) whether the convex hull of a body's points, (B, K, 3) [m], can reach into the image."""
+        """Return (B,) whether the convex hull of a body's points, (B, K, 3) [m], can reach into the image."""
         pixels = self._pixels(bodies.reshape(-1, 3)).reshape(*bodies.shape[:2], 2)
         high, low = pixels.max(axis=1), pixels.min(axis=1)
         outside = (high < -1.0).any(axis=1) | (low > self.window.shape[::-1]).any(axis=1)
         return ~outside  # comparisons with NaN are false
 
     def _pixels(self, points: npt.NDArray[np.float32]) -> npt.NDArray[np.float64]:
-        """(column, row) in the window (N, 2); NaN for points that have no useful place in the image."""
+        """Return (column, row) in the window (N, 2); NaN for points that have no useful place in the image."""
         in_camera = self.camera_in_base.inverse().apply(points)
         depth = in_camera[:, 2:]
         useful = (depth > _NEAREST) & (not self.camera.is_distorted)
@@ -61,5 +62,5 @@ class View:
 def along_light(
     points: npt.NDArray[np.float32], to_light: npt.NDArray[np.float32], height: float
 ) -> npt.NDArray[np.float32]:
-    """Where the shadows of points (..., 3) fall on a level plane at a height [m]."""
+    """Return the shadows of points (..., 3) on a level plane at a height [m]."""
     return points - (points[..., 2:] - np.float32(height)) * (to_light / to_light[2])

@@ -1,4 +1,4 @@
-"""What a renderer needs to know of a world, so that a snapshot of one serves as well."""
+"""The part of a world that a renderer needs, so that a snapshot serves as well."""
 
 from __future__ import annotations
 
@@ -13,21 +13,33 @@ class VisibleArm(Protocol):
     """The arm's links by name and index; poses in the base frame."""
 
     @property
-    def link_indices(self) -> Mapping[str, int]: ...
+    def link_indices(self) -> Mapping[str, int]:
+        """The links' indices by name."""
+        ...
 
-    def link_pose(self, link: int) -> Pose: ...
+    def link_pose(self, link: int) -> Pose:
+        """Return the pose of a link's URDF frame in the base frame."""
+        ...
 
 
 class Visible(Protocol):
     """Objects and arm at `time` [s]; poses in the base frame."""
 
     @property
-    def time(self) -> float: ...
+    def time(self) -> float:
+        """Simulated time [s]."""
+        ...
 
     @property
-    def objects(self) -> Sequence[SceneObject]: ...
+    def objects(self) -> Sequence[SceneObject]:
+        """Objects in the order in which they were added."""
+        ...
 
     @property
-    def panda(self) -> VisibleArm: ...
+    def panda(self) -> VisibleArm:
+        """The arm."""
+        ...
 
-    def object_pose(self, thing: SceneObject) -> Pose: ...
+    def object_pose(self, thing: SceneObject) -> Pose:
+        """Return the pose of the object's centre in the base frame."""
+        ...

@@ -1,1 +1,1 @@
-"""What tasks are made of: goals and their score, free places, room for the hand, and ways to hold things."""
+"""Parts that tasks are made of: goals and their score, free places, clearance for the hand, and ways to hold things."""

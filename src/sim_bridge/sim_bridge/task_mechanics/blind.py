@@ -1,4 +1,4 @@
-"""What an agent does that sees and handles everything perfectly but does not hear the sentence.
+"""Actions of an agent that sees and handles everything perfectly but does not hear the sentence.
 
 See docs/benchmark.md, "Chance".
 """
@@ -19,10 +19,10 @@ from sim_bridge.task_mechanics.object_at import object_at
 from sim_bridge.task_mechanics.task import Task
 from sim_bridge.world import SimWorld
 
-_SAME_LEVEL = 0.016  # two heights that differ less are one: a kit's print lies 14 mm below its shape's middle [m]
-_AT_LEAST = 0.02  # a target with another thing nearer than this is taken [m]
-_AT_MOST = 0.04  # from what a thing lies on to its target, in the plane [m]
-_SAME_SIZE = 0.001  # things whose edges differ less are equally large [m]
+_LEVEL_TOLERANCE = 0.016  # heights that differ less are equal: a kit's print lies 14 mm below its shape's middle [m]
+_TAKEN_DISTANCE = 0.02  # a target with another thing nearer than this is occupied [m]
+_SUPPORT_DISTANCE = 0.04  # in the plane, between a target and the thing that it rests on, at most [m]
+_SIZE_TOLERANCE = 0.001  # things whose edges differ less are equally large [m]
 
 
 class BlindChooser:
@@ -54,7 +54,7 @@ class BlindChooser:
         return None
 
     def _moves(self, goals: Sequence[Goal]) -> list[Goal]:
-        """Every move that looks right, as a goal of one thing and one target."""
+        """Return every move that looks right, as a goal of one thing and one target."""
         things = [thing for thing in self._task.objects if not thing.fixed and not self._is_covered(thing)]
         moves = []
         for thing in things:
@@ -65,24 +65,24 @@ class BlindChooser:
         return moves
 
     def _is_covered(self, thing: SceneObject) -> bool:
-        """Whether another thing lies on this one."""
+        """Return True if another thing lies on this one."""
         pose = self._world.object_pose(thing)
         above = object_at(self._world, float(pose.translation[0]), float(pose.translation[1]), movable=True)
         return above is not None and above is not thing
 
     def _is_there(self, thing: SceneObject, move: Goal) -> bool:
-        """Whether a thing lies at the move's target already."""
+        """Return True if a thing lies at the move's target already."""
         if isinstance(move.metric, ZoneMetric):
             return move.allows(thing, *map(float, self._world.object_xy(thing)))
         level = self._world.object_pose(thing).translation[2] - move.targets[0].translation[2]
         return bool(move.matched(self._world).any()) and abs(level) < _level_tolerance(move)
 
     def _is_free(self, thing: SceneObject, move: Goal) -> bool:
-        """Whether nothing is at the target, and what a thing there is to lie on is there."""
+        """Return True if the target is free and, where it is above the ground, the thing that it rests on is there."""
         if isinstance(move.metric, ZoneMetric) and move.metric.about is None:
             return True  # anywhere in the container
         target = move.targets[0].translation
-        near = max(_AT_LEAST, move.metric.position) if isinstance(move.metric, PoseMetric) else _AT_LEAST
+        near = max(_TAKEN_DISTANCE, move.metric.position) if isinstance(move.metric, PoseMetric) else _TAKEN_DISTANCE
         height = float(np.ptp(thing.mesh.vertices[:, 2]))
         beneath: list[float] = []
         for other in self._task.objects:
@@ -92,30 +92,31 @@ class BlindChooser:
             apart = math.hypot(*(at[:2] - target[:2]))
             if apart < near and abs(at[2] - target[2]) < _level_tolerance(move):
                 return False
-            if apart < _AT_MOST and 0.5 * height < target[2] - at[2] < 1.5 * height:
+            if apart < _SUPPORT_DISTANCE and 0.5 * height < target[2] - at[2] < 1.5 * height:
                 beneath.append(apart)
-        return not self._is_raised(target) or len(beneath) > 1 or any(apart < _AT_LEAST for apart in beneath)
+        return not self._is_raised(target) or len(beneath) > 1 or any(apart < _TAKEN_DISTANCE for apart in beneath)
 
     def _is_raised(self, target: npt.NDArray[np.float64]) -> bool:
-        """Whether what is at that target lies on another thing of its kind, and not on what is fixed."""
+        """Return True if a thing at that target would rest on another thing of its kind instead of on what is fixed."""
         goals = self._task.goals_without_words()
         low = min(float(pose.translation[2]) for goal in goals for pose in goal.targets)
-        return bool(target[2] > low + _SAME_LEVEL)
+        return bool(target[2] > low + _LEVEL_TOLERANCE)
 
 
 def _is_asked_twice(thing: SceneObject, goals: Sequence[Goal]) -> bool:
-    """Whether a thing goes from target to target, as a ring of the tower does."""
+    """Return True if a thing goes from target to target, as a ring of the tower does."""
     return sum(thing in goal.objects for goal in goals) > 1
 
 
 def _level_tolerance(move: Goal) -> float:
-    """A bowl's pose is its middle, not where a block in it lies."""
-    return max(_SAME_LEVEL, move.metric.position) if isinstance(move.metric, PoseMetric) else _SAME_LEVEL
+    """Return the largest height difference at which a thing counts as at its target: a
+    bowl's pose is its middle, not where a block in it lies."""
+    return max(_LEVEL_TOLERANCE, move.metric.position) if isinstance(move.metric, PoseMetric) else _LEVEL_TOLERANCE
 
 
 def _offered(goal: Goal, goals: Sequence[Goal], thing: SceneObject) -> list[Goal]:
-    """A goal's targets for a thing: for its own ones as it allows, for one that no goal asks for as for those that look
-    like it; a container takes any other too."""
+    """Return a goal's targets for a thing as moves: its own targets as matches allow; for a thing that no goal asks
+    for, the targets of those that look like it; a container takes any other thing too."""
     zone = isinstance(goal.metric, ZoneMetric)
     if any(thing in other.objects for other in goals):
         alike = [i for i, other in enumerate(goal.objects) if other is thing]
@@ -139,11 +140,11 @@ def _offered(goal: Goal, goals: Sequence[Goal], thing: SceneObject) -> list[Goal
 
 
 def _look_alike(first: SceneObject, second: SceneObject, sizes_too: bool) -> bool:
-    """Whether two things have one name and, where that matters, one size."""
+    """Return True if two things have one name and, with sizes_too, one size."""
     if first.name != second.name:
         return False
     sizes = [np.ptp(thing.mesh.vertices, axis=0) for thing in (first, second)]
-    return not sizes_too or bool(np.abs(sizes[0] - sizes[1]).max() < _SAME_SIZE)
+    return not sizes_too or bool(np.abs(sizes[0] - sizes[1]).max() < _SIZE_TOLERANCE)
 
 
 def _same_place(first: Pose, second: Pose) -> bool:

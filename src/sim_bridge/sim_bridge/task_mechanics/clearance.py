@@ -1,4 +1,5 @@
-"""Whether the hand fits: the opened fingers beside a thing, where it lies and where it goes, and the palm above it."""
+"""Clearance of the hand: of the opened fingers beside a thing, where it lies
+and where it goes, and of the palm above it."""
 
 from __future__ import annotations
 
@@ -10,20 +11,20 @@ from sim_bridge.objects import SceneObject
 from sim_bridge.robot import BESIDE, HAND
 from sim_bridge.world import SimWorld
 
-# With a margin: the executor sees neighbours through noise and keeps its distance [m].
+# Of a finger, with a margin: the executor sees neighbours through noise and keeps its distance [m].
 _HALF_WIDTH = HAND.finger_half_width + 0.0015
-_MARGIN = 0.06  # of the picture around the workspace [m]
+_MARGIN = 0.06  # of the map around the workspace [m]
 
 _PALM_MARGIN = 0.005  # around the palm [m]
 _PALM_HALF_LENGTH = HAND.palm_half_length + _PALM_MARGIN
 _PALM_HALF_WIDTH = HAND.palm_half_width + _PALM_MARGIN
 # The palm's underside above the top of what is held: the tcp is at most a pad's length below that; with a margin [m].
 _PALM_ABOVE_TOP = HAND.palm_above_tcp - HAND.pad_length - 0.001
-_PALM_LOWEST = HAND.finger_length  # the same above the table, for what is flat
+_LOWEST_PALM = HAND.finger_length  # of the palm above the table, for flat things [m]
 
 
 class FingerClearance:
-    """What stands higher than `level` [m] in a world, one thing left out, as a picture from above."""
+    """Map, seen from above, of the things in a world that stand higher than `level` [m], except for one."""
 
     def __init__(self, world: SimWorld, left_out: SceneObject, level: float) -> None:
         self._workspace: WorkspaceSpec = world.config.workspace
@@ -41,7 +42,7 @@ class FingerClearance:
                     cv2.fillConvexPoly(self._taken, self._pixels(hull), 1, shift=4)
 
     def blocked(self, gripper: PlanarPose, width: float) -> float:
-        """Share of the fingers' ground that is taken when they open beside a thing `width` [m] wide."""
+        """Return the share of the fingers' ground that is taken when they open beside a thing `width` [m] wide."""
         inner, outer, across = width / 2, width / 2 + BESIDE, _HALF_WIDTH
         taken, size = 0, 0
         for side in (-1.0, 1.0):
@@ -60,9 +61,9 @@ class FingerClearance:
 
 
 def palm_is_free(world: SimWorld, thing: SceneObject, gripper: PlanarPose) -> bool:
-    """Whether nothing but the thing itself reaches into the palm when the gripper is down beside the thing."""
+    """Return True if nothing but the thing itself reaches into the palm when the gripper is down beside the thing."""
     top = float(world.object_pose(thing).apply(thing.mesh.vertices)[:, 2].max())
-    level = max(top + _PALM_ABOVE_TOP, _PALM_LOWEST)
+    level = max(top + _PALM_ABOVE_TOP, _LOWEST_PALM)
     ends = [(a * _PALM_HALF_LENGTH, b * _PALM_HALF_WIDTH) for a, b in ((1, 1), (-1, 1), (-1, -1), (1, -1))]
     palm = gripper.apply(ends).astype(np.float32)
     for other in world.objects:

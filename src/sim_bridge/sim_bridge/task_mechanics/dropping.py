@@ -1,4 +1,4 @@
-"""Drops everyday objects on the table, as they may lie about (docs/benchmark.md, "Everyday objects")."""
+"""Drops everyday objects on the table, in random attitudes (docs/benchmark.md, "Everyday objects")."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from sim_bridge.task_mechanics.pinches import FARTHEST, OUTERMOST, gripper_at, p
 from sim_bridge.task_mechanics.placing import FINGER_CLEARANCE, free_outline_pose
 from sim_bridge.world import SimWorld
 
-_SECONDS = 1.0  # for objects to come to rest
-_LIFT = 0.005  # the lowest point starts this high [m]
-_PLACES = 8  # that are tried for one thing
-_SHARES = (1.0, 0.85, 0.72, 0.61)  # of an object's size: the largest at which it can be held as it lies
-_ASIDE = (1.0, -0.8)  # objects fall beside the scene, out of each other's way: where the first one does [m]
-_APART = 0.4  # [m]
-_IN_A_ROW = 5
+_FALL_TIME = 1.0  # simulated time for objects to come to rest [s]
+_START_HEIGHT = 0.005  # of an object's lowest point before its fall [m]
+_MAX_PLACES = 8  # places that are tried for one object
+_SIZE_SHARES = (1.0, 0.85, 0.72, 0.61)  # shares of an object's size that are tried, the largest first
+_FIRST_FALL_XY = (1.0, -0.8)  # objects fall beside the scene: place of the first one [m]
+_FALL_SPACING = 0.4  # between objects that fall [m]
+_FALLS_PER_ROW = 5
 
 
 @dataclass(frozen=True, eq=False)
-class _Lying:
+class _DroppedObject:
     """A thing in the scene, its place, and how it can be held relative to that."""
 
     thing: SceneObject
@@ -35,18 +35,18 @@ class _Lying:
     at: PlanarPose
     pinches: list[Pinch]
 
-    def has_room(self, world: SimWorld) -> bool:
-        """Whether the palm fits above it in one of its pinches."""
+    def is_reachable(self, world: SimWorld) -> bool:
+        """Return True if the palm fits above it in one of its pinches."""
         return any(palm_is_free(world, self.thing, gripper_at(self.at, pinch)) for pinch in self.pinches)
 
 
 def drop(
     world: SimWorld, things: Sequence[tuple[EverydayObject, float]], rng: np.random.Generator
 ) -> list[SceneObject]:
-    """Objects, each sized for a cell with that longest edge [m], as they come to rest when they fall in a random
-    attitude, at free places with room for the hand.
+    """Drop objects, each with its cell's longest edge [m], in random attitudes and return them as they came to rest, at
+    free places with clearance for the hand.
 
-    One that cannot be held as it lies is made smaller; one without room is left out.
+    One that cannot be held as it lies is made smaller; one without a free place is left out.
     """
     attitudes = _resting(world, [thing.sized(edge) for thing, edge in things], rng)
     lying = []
@@ -59,14 +59,15 @@ def drop(
             at = free_outline_pose(world, shape, rng, FINGER_CLEARANCE, tilt=attitude)
         except LayoutError:
             continue
-        lying.append(_Lying(world.add(shape, _pose(shape, at, attitude)), attitude, at, pinches))
+        lying.append(_DroppedObject(world.add(shape, _pose(shape, at, attitude)), attitude, at, pinches))
     return [one.thing for one in lying if _made_reachable(world, one, rng)]
 
 
-def _made_reachable(world: SimWorld, lying: _Lying, rng: np.random.Generator) -> bool:
-    """Move a thing to where the palm has room; when there is no such place, take it away."""
-    for _ in range(_PLACES):
-        if lying.has_room(world):
+def _made_reachable(world: SimWorld, lying: _DroppedObject, rng: np.random.Generator) -> bool:
+    """Move a thing to a place with clearance for the palm and return True;
+    where there is none, remove it and return False."""
+    for _ in range(_MAX_PLACES):
+        if lying.is_reachable(world):
             return True
         shape = lying.thing.shape
         try:
@@ -79,19 +80,20 @@ def _made_reachable(world: SimWorld, lying: _Lying, rng: np.random.Generator) ->
 
 
 def _pose(shape: Shape, at: PlanarPose, attitude: Pose) -> Pose:
-    """Where a shape's frame is when it lies there in that attitude."""
+    """Return the pose of a shape's frame that lies at a place in an attitude."""
     return at.as_pose(-_lowest(shape, attitude)) @ attitude
 
 
 def _resting(world: SimWorld, shapes: Sequence[Shape], rng: np.random.Generator) -> list[Pose]:
-    """How shapes lie after a fall: their rotations. They fall as convex bodies, which come to rest as they do."""
+    """Return the rotations in which shapes come to rest after a fall, in which they collide as their convex hulls."""
     fallen = []
     for i, shape in enumerate(shapes):
         attitude = Pose.from_quaternion_xyzw(rng.normal(size=4), (0.0, 0.0, 0.0))
-        x, y = _ASIDE[0] + _APART * (i // _IN_A_ROW), _ASIDE[1] + _APART * (i % _IN_A_ROW)
-        at = np.array([x, y, _LIFT - _lowest(shape, attitude)])
+        x = _FIRST_FALL_XY[0] + _FALL_SPACING * (i // _FALLS_PER_ROW)
+        y = _FIRST_FALL_XY[1] + _FALL_SPACING * (i % _FALLS_PER_ROW)
+        at = np.array([x, y, _START_HEIGHT - _lowest(shape, attitude)])
         fallen.append(world.add(replace(shape, collision=Collision.hull(_corners(shape))), Pose(attitude.rotation, at)))
-    for _ in range(round(_SECONDS * world.config.rate_hz)):
+    for _ in range(round(_FALL_TIME * world.config.rate_hz)):
         world.step()
     rotations = [Pose(world.object_pose(thing).rotation, np.zeros(3)) for thing in fallen]
     for thing in fallen:
@@ -100,21 +102,21 @@ def _resting(world: SimWorld, shapes: Sequence[Shape], rng: np.random.Generator)
 
 
 def _corners(shape: Shape) -> npt.NDArray[np.float64]:
-    """(N, 3) of everything that collides [m, body frame]."""
+    """Return the corners of everything that collides, (N, 3) [m, body frame]."""
     assert shape.collision is not None
     return np.concatenate([part.corners for part in shape.collision.parts])
 
 
 def _lowest(shape: Shape, attitude: Pose) -> float:
-    """How far below its origin it reaches when it is turned so, negative [m]."""
+    """Return the height of the lowest corner of a turned shape above its origin, negative [m]."""
     return float(attitude.apply(_corners(shape))[:, 2].min())
 
 
 def _holdable(thing: EverydayObject, edge: float, attitude: Pose) -> tuple[Shape, list[Pinch]] | None:
-    """The object as large as it may be and still be held in that attitude, and how; if nowhere near its middle,
-    then elsewhere."""
+    """Return the largest size of an object at which it can be held in that attitude, and
+    its pinches: near its middle if possible, else elsewhere."""
     for farthest in (FARTHEST, OUTERMOST):
-        for share in _SHARES:
+        for share in _SIZE_SHARES:
             shape = thing.sized(edge, share)
             pinches = pinches_lying(shape, attitude.rotation, farthest)
             if pinches:

@@ -1,4 +1,4 @@
-"""Which bead of a rope to pinch, how, and where to drag it."""
+"""The expert of ropes: which bead to pinch, how, and where to drag it."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from sim_bridge.robot import HAND
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
-_IN_PLACE = 0.01  # a bead nearer to its slot stays where it is [m]
-_BEAD_REACH = 0.008  # of a bead about its middle [m]
+_SLOT_TOLERANCE = 0.01  # a bead nearer to its slot stays where it is [m]
+_BEAD_RADIUS = 0.008  # of a bead, with a margin [m]
 DISTANCE_PER_CAUGHT_BEAD = 0.03  # a bead this much farther from its slot is worth catching one more beside it [m]
-_TILTS = tuple(math.radians(a) for a in (0, 15, -15, 30, -30, 45, -45))  # of the jaws against straight across
+_TILTS = tuple(math.radians(a) for a in (0, 15, -15, 30, -30, 45, -45))  # of the jaws from straight across [rad]
 
 
 def next_fold(
     beads: FloatArray, slots: FloatArray, in_vain: IntArray | None = None
 ) -> tuple[int, PickPlaceAction | None]:
-    """Which bead, far from its slot, to take to that slot, and how; beads and slots (20, 2) [m] in their order along
-    the rope.
+    """Return the bead to take to its slot, one that is far from it, and the action;
+    beads and slots (20, 2) [m] in their order along the rope.
 
     Slots count from the end that fits better. The jaws close across the rope, where the opened fingers meet few
     other beads. in_vain: how often each bead (20,) was tried for nothing; one that was tried less is better.
@@ -34,7 +34,7 @@ def next_fold(
     along = math.atan2(*(slots[-1] - slots[0])[::-1])
     tries = np.zeros(len(beads), int) if in_vain is None else in_vain
     ways: list[tuple[tuple[int, float], int, float, float]] = []
-    for i in np.flatnonzero(distance >= _IN_PLACE).tolist():
+    for i in np.flatnonzero(distance >= _SLOT_TOLERANCE).tolist():
         before, after = beads[max(i - 1, 0)], beads[min(i + 1, len(beads) - 1)]
         tangent = math.atan2(*(after - before)[::-1])
         for tilt in _TILTS:
@@ -54,10 +54,10 @@ def next_fold(
 
 
 def _caught(beads: FloatArray, i: int, yaw: float) -> int:
-    """How many other beads lie under the opened fingers that close at bead i in direction `yaw` [rad]."""
+    """Count the other beads under the opened fingers that close at bead i in direction `yaw` [rad]."""
     offset = np.delete(beads, i, axis=0) - beads[i]
     closing = np.abs(offset @ np.array([math.cos(yaw), math.sin(yaw)]))
     across = np.abs(offset @ np.array([-math.sin(yaw), math.cos(yaw)]))
     opening = HAND.fold_opening
-    inner, outer = opening / 2 - _BEAD_REACH, opening / 2 + HAND.finger_thickness + _BEAD_REACH
-    return int(((closing > inner) & (closing < outer) & (across < HAND.finger_half_width + _BEAD_REACH)).sum())
+    inner, outer = opening / 2 - _BEAD_RADIUS, opening / 2 + HAND.finger_thickness + _BEAD_RADIUS
+    return int(((closing > inner) & (closing < outer) & (across < HAND.finger_half_width + _BEAD_RADIUS)).sum())

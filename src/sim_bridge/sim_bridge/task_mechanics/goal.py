@@ -15,13 +15,13 @@ from sim_bridge.world import SimWorld
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
 
-LATTICE = 0.02  # pitch of the points by which a thing lies in a zone [m]
+LATTICE = 0.02  # between the points of a thing that count in a zone [m]
 
 
 @dataclass(frozen=True)
 class PoseMetric:
-    """An object counts when it is nearer than `position` [m] in the plane to a target that is allowed for it,
-    and turned less than `rotation` [rad] from it, up to its symmetry; heights do not count."""
+    """Metric by pose: an object counts when it is nearer than `position` [m] in the plane to a target that is allowed
+    for it, and turned less than `rotation` [rad] from it, up to its symmetry; heights do not count."""
 
     position: float = 0.01
     rotation: float = math.radians(15.0)
@@ -29,9 +29,9 @@ class PoseMetric:
 
 @dataclass(frozen=True, eq=False)
 class ZoneMetric:
-    """The share of the objects' points that lie inside a box: size (x, y) [m] about the target, below z_cap [m]
-    in the target's frame. points: of each object (N, 3) [m, body frame]. about: where the box is, when that is
-    not at the targets."""
+    """Metric by share: that of the objects' points inside a box of size (x, y) [m] about the target, below z_cap [m] in
+    the target's frame. points: of each object (N, 3) [m, body frame]. about: pose of the box, if it is not at the
+    targets."""
 
     size: tuple[float, float]
     points: tuple[FloatArray, ...]
@@ -60,18 +60,19 @@ class Goal:
     target_name: str = "target"
 
     def value(self, world: SimWorld) -> float:
-        """How much of this goal is reached, 0..1."""
+        """Return the share of this goal that is reached, 0..1."""
         if isinstance(self.metric, PoseMetric):
             return float(np.mean(self.matched(world).any(axis=1)))
         inside = [self._inside(world, i) for i in range(len(self.objects))]
         return sum(int(i.sum()) for i in inside) / sum(len(i) for i in inside)
 
     def reached(self, world: SimWorld) -> bool:
-        """Whether less than a hundredth of the task is missing (docs/benchmark.md, "Scores")."""
+        """Return True if less than a hundredth of the task is missing (docs/benchmark.md, "Scores")."""
         return self.max_reward * (1.0 - self.value(world)) < 0.01
 
     def matched(self, world: SimWorld) -> BoolArray:
-        """(objects, targets) which object lies at which of its allowed targets, by the pose test."""
+        """Return (objects, targets): True where the object lies at that target
+        and is allowed there, by the pose test."""
         metric = self.metric if isinstance(self.metric, PoseMetric) else PoseMetric()
         poses = [world.planar_pose(thing) for thing in self.objects]
         targets = [PlanarPose.from_pose(target) for target in self.targets]
@@ -86,12 +87,12 @@ class Goal:
         return matched
 
     def level(self, thing: SceneObject) -> float:
-        """Height [m] on which a thing will lie at the lowest target that is allowed for it, by that one's height."""
+        """Return the height [m] on which a thing will lie at the lowest target that is allowed for it."""
         allowed = np.flatnonzero(self.matches[self.objects.index(thing)])
         return min(float(self.targets[j].translation[2]) for j in allowed) + thing.shape.bottom
 
     def allows(self, thing: SceneObject, x: float, y: float) -> bool:
-        """Whether the object's origin, put at x, y [m], would be right for one of its targets."""
+        """Return True if the object's origin, put at x, y [m], would be right for one of its targets."""
         reach = self.metric.position if isinstance(self.metric, PoseMetric) else 0.0
         for j in np.flatnonzero(self.matches[self.objects.index(thing)]):
             if isinstance(self.metric, ZoneMetric):
@@ -103,7 +104,7 @@ class Goal:
         return False
 
     def _inside(self, world: SimWorld, i: int) -> BoolArray:
-        """Which points of an object lie in the zone of any target that is allowed for it."""
+        """Return (N,) which points of an object lie in the zone of any target that is allowed for it."""
         metric = self.metric
         assert isinstance(metric, ZoneMetric)
         points = world.object_pose(self.objects[i]).apply(metric.points[i])
@@ -115,7 +116,8 @@ class Goal:
 
 
 def lattice(low: npt.ArrayLike, size: npt.ArrayLike) -> FloatArray:
-    """Points (N, 3) every 2 cm from the corner `low` (3,), the far faces excluded, of a box of `size` (3,) [m]."""
+    """Return points (N, 3) every 2 cm in a box of `size` (3,) from the
+    corner `low` (3,) [m], the far faces excluded."""
     start, extent = np.asarray(low, dtype=np.float64), np.asarray(size, dtype=np.float64)
     axes = [start[i] + np.arange(0.0, max(extent[i], 1e-6), LATTICE) for i in range(3)]
     return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)

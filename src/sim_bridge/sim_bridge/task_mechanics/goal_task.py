@@ -1,4 +1,4 @@
-"""What all tasks of the benchmark share: goals one after another, their score, and the expert."""
+"""Common part of the benchmark's tasks: goals one after another, their score, and the expert."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ from sim_bridge.task_mechanics.placing import outline
 from sim_bridge.task_mechanics.task import JudgedAction, Split, Task
 from sim_bridge.world import SimWorld
 
-_TIP_CLEARANCE = 0.004  # the tips are at least this far above what a thing lies on [m]
-_UNMOVED = 0.003  # what moves less was not carried [m]
+_TIP_CLEARANCE = 0.004  # of the fingertips above the ground of a thing at least [m]
+_MOVED_DISTANCE = 0.003  # a thing that moved less was not carried [m]
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -45,7 +45,7 @@ class _Way:
         return self.taken, self.size, self.width
 
     def is_quarter_of(self, other: _Way) -> bool:
-        """Whether this is the other with the gripper turned by a quarter."""
+        """Return True if this is the other with the gripper turned by a quarter."""
         same_place = math.hypot(self.pick.x - other.pick.x, self.pick.y - other.pick.y) < 1e-6
         return same_place and abs(abs(math.remainder(self.pick.yaw - other.pick.yaw, math.pi)) - math.pi / 2) < 1e-6
 
@@ -64,27 +64,27 @@ class GoalTask(Task):
         self._world: SimWorld | None = None
         self._goals: tuple[Goal, ...] = ()
         self._reached = 0
-        self._left_score: float | None = None  # by the last action; None before the first
-        self._proposed: tuple[SceneObject, FloatArray] | None = None  # to be moved, and where everything was then
-        self._in_vain: list[SceneObject] = []  # were to be moved since anything moved
+        self._left_score: float | None = None  # score left by the last action; None before the first
+        self._proposed: tuple[SceneObject, FloatArray] | None = None  # what is to be moved; all positions then
+        self._in_vain: list[SceneObject] = []  # things that were to be moved since anything moved
 
     @abstractmethod
     def set_up(self, world: SimWorld, rng: np.random.Generator) -> Sequence[Goal]:
-        """Spawn everything into the empty world and give the goals in their order.
+        """Create everything in the empty world and return the goals in their order.
 
         Raises:
-            LayoutError: when something found no room.
+            LayoutError: when a thing found no free place.
         """
 
     def reset(self, world: SimWorld, rng: np.random.Generator) -> None:
-        """See Task."""
+        """Set the scene up and forget the last one."""
         self._world = world
         self._goals, self._reached, self._left_score = tuple(self.set_up(world, rng)), 0, None
         self._proposed, self._in_vain = None, []
 
     @property
     def world(self) -> SimWorld:
-        """Where the task is set up.
+        """World in which the task is set up.
 
         Raises:
             SimulationError: before the first reset.
@@ -95,7 +95,7 @@ class GoalTask(Task):
 
     @property
     def present_goal(self) -> Goal | None:
-        """What is to be reached now; None when all is."""
+        """The goal to be reached now; None when all are reached."""
         return self._goals[self._reached] if self._reached < len(self._goals) else None
 
     @property
@@ -110,36 +110,38 @@ class GoalTask(Task):
 
     @property
     def goals_reached(self) -> int:
-        """See Task."""
+        """Number of the goals that were reached."""
         return self._reached
 
     def goals_without_words(self) -> Sequence[Goal]:
-        """See Task; those that will be asked for one after the other, where nothing else could be."""
+        """Return the goals that will be asked for one after the other; for tasks in which nothing else could be."""
         return self._goals
 
     @property
     def instruction(self) -> str:
-        """See Task."""
+        """The present goal's sentence; `done_sentence` when nothing is left to do."""
         goal = self.present_goal
         return self.done_sentence if goal is None or self.done() else goal.sentence
 
     @property
     def objects(self) -> Sequence[SceneObject]:
-        """See Task."""
+        """Everything that lies on the table."""
         return self.world.objects
 
     def score(self) -> float:
-        """See Task."""
+        """Return the score that the last action left; before the first one, the running score."""
         return self.running_score() if self._left_score is None else self._left_score
 
     def running_score(self) -> float:
-        """Score that an action would leave if it ended now: goals that were reached, and the present one's share."""
+        """Return the score that an action would leave if it ended now: goals that
+        were reached, and the present one's share."""
         goal = self.present_goal
         progress = sum(g.max_reward for g in self._goals[: self._reached])
         return float(progress + (goal.max_reward * goal.value(self.world) if goal else 0.0))
 
     def advance(self) -> None:
-        """A goal that was reached once is never looked at again; what could not be moved now waits for other things.
+        """Judge the scene after an action: a goal that was reached once is never looked at again, and a thing that did
+        not move now waits until something else has.
 
         The score is taken before the next goal becomes present: as far as that is fulfilled already, only the next
         action makes it count (docs/benchmark.md, "Scores").
@@ -151,21 +153,21 @@ class GoalTask(Task):
         if self._proposed is not None:
             thing, before = self._proposed
             now = self._positions()
-            still = now.shape == before.shape and bool(np.abs(now - before).max() < _UNMOVED)
+            still = now.shape == before.shape and bool(np.abs(now - before).max() < _MOVED_DISTANCE)
             self._in_vain = [*self._in_vain, thing] if still else []
             self._proposed = None
 
     def keep_score(self) -> None:
-        """Take the running score as what the last action left."""
+        """Take the running score as the one that the last action left."""
         self._left_score = self.running_score()
 
     def expert_action(self) -> PickPlaceAction | None:
-        """See Task: the object farthest from where it belongs comes first."""
+        """Return the expert's action for the present goal: the object farthest from where it belongs comes first."""
         goal = self.present_goal
         return None if goal is None or self.done() else self.expert_action_for(goal)
 
     def expert_action_for(self, goal: Goal) -> PickPlaceAction | None:
-        """See Task; what was tried in vain comes last."""
+        """Return the expert's action for a goal; what was tried in vain comes last."""
         for thing, target in sorted(self.moves_to_make(goal), key=lambda move: self.tries_in_vain(move[0])):
             action = self.move(goal, thing, target)
             if action is not None:
@@ -174,18 +176,18 @@ class GoalTask(Task):
         return None
 
     def propose(self, thing: SceneObject) -> None:
-        """An action is about to be done with a thing: `advance` sees whether it was in vain."""
+        """Note that an action is about to be done with a thing: `advance` sees whether it was in vain."""
         self._proposed = (thing, self._positions())
 
     def tries_in_vain(self, thing: SceneObject) -> int:
-        """How often this thing was to be moved since anything moved."""
+        """Count how often this thing was to be moved since anything moved."""
         return self._in_vain.count(thing)
 
     def _positions(self) -> FloatArray:
         return np.array([self.world.object_pose(thing).translation for thing in self.objects])
 
     def moves_to_make(self, goal: Goal) -> list[tuple[SceneObject, PlanarPose]]:
-        """Objects that are to be moved and their nearest free target, the farthest first."""
+        """Return the objects that are to be moved with their nearest free targets, the farthest first."""
         world = self.world
         matches = goal.matches.copy()
         if not goal.replace:
@@ -206,7 +208,7 @@ class GoalTask(Task):
         return [(goal.objects[i], target) for distance, i, target in moves if distance > 0.0]
 
     def move(self, goal: Goal, thing: SceneObject, target: PlanarPose) -> PickPlaceAction | None:
-        """The pick and place that puts a thing's frame at the target: of all ways to hold and turn it, the one
+        """Return the pick and place that puts a thing's frame at the target: of all ways to hold and turn it, the one
         with the largest clearance for the fingers, then the least turn. None when it cannot be held."""
         world = self.world
         pinches = self.pinches(thing)
@@ -234,15 +236,15 @@ class GoalTask(Task):
         )
 
     def pinches(self, thing: SceneObject) -> list[Pinch]:
-        """How to hold a thing, relative to its planar pose; a task may know better."""
+        """Return the ways to hold a thing, relative to its planar pose; a task may know better."""
         return pinches_of(self.world, thing)
 
     def place_level(self, goal: Goal, thing: SceneObject) -> float:
-        """Height on which a thing will lie at its target [m]; a task may know better."""
+        """Return the height on which a thing will lie at its target [m]; a task may know better."""
         return 0.0
 
     def judge(self, pick: PlanarPose, place: PlanarPose, exact_offset: bool = False) -> JudgedAction:
-        """See Task."""
+        """Judge an action by the objects under its two poses."""
         picked = object_at(self.world, pick.x, pick.y, movable=True)
         under = object_at(self.world, place.x, place.y, movable=False)
         goal = self.present_goal
@@ -256,7 +258,7 @@ class GoalTask(Task):
         return JudgedAction(picked.described, under.described if under else "", picked in open_moves, fits)
 
     def _centred(self, thing: SceneObject, pick: PlanarPose) -> PlanarPose:
-        """The pick moved to where the hand would hold the thing: its middle, or the nearest of its pinches."""
+        """Return the pick moved to where the hand would hold the thing: its middle, or the nearest of its pinches."""
         here = self.world.planar_pose(thing)
         middle = outline(self.world, thing)
         places = [((middle.min(axis=0) + middle.max(axis=0)) / 2).tolist()]
@@ -265,7 +267,7 @@ class GoalTask(Task):
         return PlanarPose(float(x), float(y), pick.yaw)
 
     def _turns(self, goal: Goal, thing: SceneObject, here: PlanarPose, target: PlanarPose) -> list[float]:
-        """Every turn [rad] that brings a thing to its target's yaw, up to its symmetry."""
+        """Return every turn [rad] that brings a thing to its target's yaw, up to its symmetry."""
         if not goal.turn:
             return [0.0]
         symmetry = thing.shape.symmetry

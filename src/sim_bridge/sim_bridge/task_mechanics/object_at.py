@@ -1,4 +1,4 @@
-"""Which thing lies at a place, as a person looking from above would say."""
+"""The thing at a place, as a person looking from above would say."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from sim_bridge.objects import SceneObject
 from sim_bridge.task_mechanics.placing import outline
 from sim_bridge.world import SimWorld
 
-_NEAR = 0.01  # a place this far beside a thing still means it [m]
+_NEAR_DISTANCE = 0.01  # a place this near to a thing still means it [m]
 
 
 def object_at(world: SimWorld, x: float, y: float, movable: bool) -> SceneObject | None:
-    """The topmost thing at x, y [m], else the nearest beside it; None where there is neither.
+    """Return the topmost thing at x, y [m], else the nearest beside it; None where there is neither.
 
     movable: only what is not fixed.
     """
@@ -25,6 +25,6 @@ def object_at(world: SimWorld, x: float, y: float, movable: bool) -> SceneObject
         depth = cv2.pointPolygonTest(corners, (x, y), True)
         if depth >= 0.0:
             found.append((True, float(world.object_pose(thing).translation[2]), thing))
-        elif depth > -_NEAR:
+        elif depth > -_NEAR_DISTANCE:
             found.append((False, depth, thing))
     return max(found, key=lambda entry: entry[:2])[2] if found else None

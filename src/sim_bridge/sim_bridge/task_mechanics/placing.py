@@ -25,15 +25,15 @@ FINGER_CLEARANCE = HAND.mount_thickness + 0.004
 GAP = 0.012  # between things that the hand does not take [m]
 BORDER = 0.012  # from a thing to the workspace's edge [m]
 
-_ROUNDS = 8
-_DRAWS = 400  # places and yaws that are looked at in each round
-_PITCH = 0.02  # of the points that stand for a thing's outline [m]
+_MAX_ROUNDS = 8
+_DRAWS_PER_ROUND = 400  # places and yaws drawn in each round
+_OUTLINE_PITCH = 0.02  # between the points of a thing's outline [m]
 
-_CELL = 0.004  # of the map of the container's floor [m]
-# To a container's walls and to what lies in it [m]; the first lets the fingers open.
+_CELL = 0.004  # edge of a cell in the map of a container's floor [m]
+# Clearances that are tried in a container [m], the preferred ones first; the first lets the fingers open.
 _CONTAINER_GAPS = (HAND.mount_thickness, 0.016, 0.006)
-_TURNS = tuple(math.radians(angle) for angle in (0, 30, -30, 60, -60, 90))  # of the thing, the preferred ones first
-_TURN_COST = 0.02  # distance from the middle that a turn by one rad is worth [m]
+_TURNS = tuple(math.radians(angle) for angle in (0, 30, -30, 60, -60, 90))  # of a thing in a container
+_DISTANCE_PER_RADIAN = 0.02  # a turn by one rad costs as much as this distance from the middle [m]
 
 
 def free_pose(
@@ -43,7 +43,7 @@ def free_pose(
     graspable: bool = True,
     radius: float | None = None,
 ) -> PlanarPose:
-    """A place for a thing, drawn uniformly from all that are free, and any yaw.
+    """Draw a pose for a thing uniformly from all free places, with any yaw.
 
     graspable: whether the hand will take it, so that the fingers open beside it. radius: of the disc that it
     needs [m]; by default that around its footprint.
@@ -61,8 +61,8 @@ def free_pose(
     cells = np.flatnonzero(free)
     if len(cells) == 0:
         raise LayoutError(
-            f"no room for another {shape.name} ({2000 * reach:.0f} mm across) beside {len(world.objects)} things on "
-            f"{workspace.x_max - workspace.x_min:.2f} m x {workspace.y_max - workspace.y_min:.2f} m; "
+            f"no free place for another {shape.name} ({2000 * reach:.0f} mm across) beside {len(world.objects)} things "
+            f"on {workspace.x_max - workspace.x_min:.2f} m x {workspace.y_max - workspace.y_min:.2f} m; "
             "use a larger workspace"
         )
     row, col = divmod(int(cells[rng.integers(len(cells))]), workspace.cols)
@@ -73,7 +73,7 @@ def free_pose(
 def free_outline_pose(
     world: SimWorld, shape: Shape, rng: np.random.Generator, clearance: float, tilt: Pose | None = None
 ) -> PlanarPose:
-    """A random place and yaw at which the shape's outline lies in the workspace, `clearance` [m] from everything.
+    """Draw a place and yaw at which the shape's outline lies in the workspace, `clearance` [m] from everything.
 
     tilt: how the shape is turned before it gets its yaw; upright by default.
 
@@ -85,9 +85,9 @@ def free_outline_pose(
     corners = shape.footprint if tilt is None else _hull(tilt.apply(shape.mesh.vertices)[:, :2])
     points = _points_within(corners)
     distance = distance_to_things(world, world.objects)
-    for _ in range(_ROUNDS):
-        at = rng.uniform(low, high, size=(_DRAWS, 2))
-        yaw = rng.uniform(-math.pi, math.pi, size=_DRAWS)
+    for _ in range(_MAX_ROUNDS):
+        at = rng.uniform(low, high, size=(_DRAWS_PER_ROUND, 2))
+        yaw = rng.uniform(-math.pi, math.pi, size=_DRAWS_PER_ROUND)
         turn = np.stack([np.cos(yaw), -np.sin(yaw), np.sin(yaw), np.cos(yaw)], axis=-1).reshape(-1, 2, 2)
         places = points @ turn.transpose(0, 2, 1) + at[:, None]
         free = np.asarray(spec.contains(places, BORDER).all(axis=1))
@@ -98,14 +98,14 @@ def free_outline_pose(
             return PlanarPose(float(at[first, 0]), float(at[first, 1]), float(yaw[first]))
     size = 1000 * np.ptp(corners, axis=0)
     raise LayoutError(
-        f"no room for another {shape.name} ({size[0]:.0f} mm x {size[1]:.0f} mm) beside {len(world.objects)} things"
-        f" on {spec.x_max - spec.x_min:.2f} m x {spec.y_max - spec.y_min:.2f} m; use a larger workspace"
+        f"no free place for another {shape.name} ({size[0]:.0f} mm x {size[1]:.0f} mm) beside {len(world.objects)} "
+        f"things on {spec.x_max - spec.x_min:.2f} m x {spec.y_max - spec.y_min:.2f} m; use a larger workspace"
     )
 
 
 def place_in_container(world: SimWorld, container: Pose, size: tuple[float, float], thing: SceneObject) -> PlanarPose:
-    """The place nearest to the container's middle where a thing, lying as it does now or a little turned, touches
-    neither walls nor other things; the one with the largest clearance where there is no such place.
+    """Return the place nearest to the container's middle where a thing, lying as it does now or a little turned,
+    touches neither walls nor other things; the one with the largest clearance where there is no such place.
 
     size (x, y) of the container [m]. The place is where the thing's planar pose is to be.
     """
@@ -115,7 +115,7 @@ def place_in_container(world: SimWorld, container: Pose, size: tuple[float, floa
     corners = _box(world, thing)
     yaw = PlanarPose.from_pose(container).yaw
     clear = np.stack([_least(clearance, _turned(corners, turn - yaw)) for turn in _TURNS])
-    cost = np.hypot(x, y) + _TURN_COST * np.abs(_TURNS)[:, None, None]
+    cost = np.hypot(x, y) + _DISTANCE_PER_RADIAN * np.abs(_TURNS)[:, None, None]
     best = int(np.argmax(clear))
     for gap in _CONTAINER_GAPS:
         if (clear >= gap).any():
@@ -127,12 +127,12 @@ def place_in_container(world: SimWorld, container: Pose, size: tuple[float, floa
 
 
 def is_graspable(thing: SceneObject) -> bool:
-    """Whether the hand is to take it: it moves and has places to hold it by."""
+    """Return True if the hand is to take the thing: it moves and has pinches."""
     return not thing.fixed and bool(thing.shape.pinches)
 
 
 def distance_to_things(world: SimWorld, things: Sequence[SceneObject]) -> npt.NDArray[np.float32]:
-    """(rows, cols) from each pixel to the nearest thing's footprint [m]."""
+    """Return (rows, cols) distance from each pixel to the nearest thing's footprint [m]."""
     workspace = world.config.workspace
     free = np.full(workspace.shape, 255, dtype=np.uint8)
     for thing in things:
@@ -146,12 +146,12 @@ def distance_to_things(world: SimWorld, things: Sequence[SceneObject]) -> npt.ND
 
 
 def outline(world: SimWorld, thing: SceneObject) -> FloatArray:
-    """(N, 2) convex outline of a thing as it lies, seen from above [m, base frame]."""
+    """Return the convex outline of a thing as it lies, seen from above, (N, 2) [m, base frame]."""
     return _hull(world.object_pose(thing).apply(thing.mesh.vertices)[:, :2])
 
 
 def border_distance(workspace: WorkspaceSpec) -> FloatArray:
-    """(rows, cols) from each pixel to the workspace's nearest edge [m]."""
+    """Return (rows, cols) distance from each pixel to the workspace's nearest edge [m]."""
     rows, cols = np.arange(workspace.rows), np.arange(workspace.cols)
     from_rows = np.minimum(rows, workspace.rows - 1 - rows) + 0.5
     from_cols = np.minimum(cols, workspace.cols - 1 - cols) + 0.5
@@ -159,25 +159,25 @@ def border_distance(workspace: WorkspaceSpec) -> FloatArray:
 
 
 def _hull(points: FloatArray) -> FloatArray:
-    """(N, 2) corners of the convex outline of points (M, 2)."""
+    """Return the corners of the convex outline of points (M, 2), (N, 2)."""
     return np.asarray(cv2.convexHull(points.astype(np.float32)), dtype=np.float64).reshape(-1, 2)
 
 
 def _points_within(corners: FloatArray) -> FloatArray:
-    """(N, 2) the corners of a convex outline, and points on its edges and within, closer than `_PITCH` [m]."""
+    """Return the corners of a convex outline with points on its edges and within, `_OUTLINE_PITCH` apart, (N, 2)."""
     rings = []
     middle = corners.mean(axis=0)
     size = float(np.linalg.norm(corners - middle, axis=1).max())
-    for share in np.linspace(0.0, 1.0, math.ceil(size / _PITCH) + 1):
+    for share in np.linspace(0.0, 1.0, math.ceil(size / _OUTLINE_PITCH) + 1):
         ring = middle + (corners - middle) * share
         following = np.roll(ring, -1, axis=0)
-        count = max(1, math.ceil(float(np.linalg.norm(following - ring, axis=1).max()) / _PITCH))
+        count = max(1, math.ceil(float(np.linalg.norm(following - ring, axis=1).max()) / _OUTLINE_PITCH))
         rings += [ring + (following - ring) * step for step in np.arange(count) / count]
     return np.concatenate(rings)
 
 
 def _clearance_in(container: Pose, size: tuple[float, float], world: SimWorld, thing: SceneObject) -> FloatArray:
-    """(rows, cols) from each cell of the container's floor to the nearest wall or other thing [m]; walls around it."""
+    """Return (rows, cols) distance from each cell of the container's floor to the nearest wall or other thing [m]."""
     free = np.zeros((int(size[1] / _CELL) + 2, int(size[0] / _CELL) + 2), dtype=np.uint8)
     free[1:-1, 1:-1] = 255
     for other in world.objects:
@@ -191,7 +191,7 @@ def _clearance_in(container: Pose, size: tuple[float, float], world: SimWorld, t
 
 
 def _least(clearance: FloatArray, points: FloatArray) -> FloatArray:
-    """(rows, cols) the least clearance at any of the points (N, 2) [m] about each cell."""
+    """Return (rows, cols) the least clearance at any of the points (N, 2) [m] about each cell."""
     rows, cols = np.indices(clearance.shape)
     least = clearance.copy()
     for dx, dy in np.rint(points / _CELL).astype(np.intp):
@@ -201,8 +201,8 @@ def _least(clearance: FloatArray, points: FloatArray) -> FloatArray:
 
 
 def _box(world: SimWorld, thing: SceneObject) -> FloatArray:
-    """(N, 2) points on the outline, seen from above, of the box around a thing by which it is scored, about its
-    origin [m]."""
+    """Return points (N, 2) on the outline, seen from above, of the box around a
+    thing by which it is scored, about its origin [m]."""
     low, high = thing.mesh.vertices.min(axis=0), thing.mesh.vertices.max(axis=0)
     corners = np.array([[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])])
     flat = (corners @ world.object_pose(thing).rotation.T)[:, :2]

@@ -1,4 +1,4 @@
-"""What a task of the benchmark is."""
+"""Interface of a task of the benchmark."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from sim_bridge.world import SimWorld
 
 
 class Split(Enum):
-    """Which part of the data a scene belongs to; the order is part of every scene's seed."""
+    """Part of the data that a scene belongs to; the order is part of every scene's seed."""
 
     TRAIN = "train"
     VAL = "val"
@@ -26,8 +26,8 @@ class Split(Enum):
 
 @dataclass(frozen=True)
 class JudgedAction:
-    """What an action means in a scene: what it picks and what it places that at ("" for nothing), and whether each is
-    what the present goal asks for."""
+    """Meaning of an action in a scene: the names of the thing picked and of the thing it is placed at ("" for nothing),
+    and whether each is right for the present goal."""
 
     picked: str
     place: str
@@ -39,7 +39,7 @@ class Task(ABC):
     """One task's scene, goals, metric and expert, in one world.
 
     primitive: what the hand does with two poses here.
-    redraws: how many scenes were drawn in vain before this one: something found no room, or flew apart.
+    redraws: how many scenes were drawn in vain before this one: a thing found no free place, or things flew apart.
     stepwise: whether each sentence asks for one action only; else it asks for all that is left to do.
     several_goals: whether one scene may serve several goals, which `goals_in_scene` lists.
     sentence_pattern: the sentence with {slots} for `sentence_slots`, where it may be reworded; "" where it may not.
@@ -66,7 +66,7 @@ class Task(ABC):
         """Spawn the objects into an empty world and draw the goals; rng draws everything.
 
         Raises:
-            LayoutError: when the objects found no room; the caller tries again in an empty world.
+            LayoutError: when an object found no free place; the caller tries again in an empty world.
         """
 
     @property
@@ -77,7 +77,7 @@ class Task(ABC):
     @property
     @abstractmethod
     def max_steps(self) -> int:
-        """How many actions an episode may take."""
+        """Number of actions that an episode may take."""
 
     @property
     @abstractmethod
@@ -86,33 +86,34 @@ class Task(ABC):
 
     @abstractmethod
     def score(self) -> float:
-        """Score that the last action left, 0..1; before the first one, what the scene shows. Changes nothing."""
+        """Score the last action, 0..1; before the first one, the scene as it is. Changes nothing."""
 
     @abstractmethod
     def advance(self) -> None:
-        """Judge the scene, once after each action: keep its score, then, when the present goal is reached, make the
-        next one present."""
+        """Judge the scene, once after each action: keep its score, then, when the
+        present goal is reached, make the next one present."""
 
     @abstractmethod
     def expert_action(self) -> PickPlaceAction | None:
-        """Return what to do next for `instruction`; None when nothing is left to do, or nothing can be done."""
+        """Return the next action for `instruction`; None when nothing is left to do, or nothing can be done."""
 
     @abstractmethod
     def judge(self, pick: PlanarPose, place: PlanarPose, exact_offset: bool = False) -> JudgedAction:
-        """Say what an action with these poses would mean, before it is carried out.
+        """Judge an action with these poses before it is carried out.
 
         exact_offset: whether the hand places a thing as far off as it was picked, instead of centring its grasp.
         """
 
     def goals_in_scene(self) -> Sequence[Goal]:
-        """Every goal that this scene leaves to do, the present one among them, in a fixed order.
+        """Return every goal that this scene leaves to do, the present one among them, in a fixed order.
 
         Empty for a task whose scenes are made for one goal.
         """
         return ()
 
     def goals_without_words(self) -> Sequence[Goal]:
-        """Every goal that some sentence might ask for in this scene, as one knows who does not hear the sentence.
+        """Return every goal that some sentence might ask for in this scene, as
+        someone knows who does not hear the sentence.
 
         Empty for a task that does not say.
         """
@@ -136,7 +137,7 @@ class Task(ABC):
 
     @property
     def object_source(self) -> str:
-        """Which set of everyday objects the scenes are made of; "" for a task without any.
+        """The set of everyday objects that the scenes are made of, in words; "" for a task without any.
 
         Raises:
             ObjectFolderError: when the set cannot be used.
@@ -145,9 +146,9 @@ class Task(ABC):
 
     @property
     def goals_reached(self) -> int:
-        """How many of the goals were reached, one after another."""
+        """Number of the goals that were reached, one after another."""
         return int(self.done())
 
     def done(self) -> bool:
-        """Whether the whole task is reached."""
+        """Return True if the whole task is reached."""
         return self.score() > 0.99

@@ -1,4 +1,4 @@
-"""What differs from the original benchmark's tasks, why, and what that does to the metric.
+"""Differences from the original benchmark's tasks, their reasons, and their effect on the metric.
 
 See also docs/benchmark.md, "What is adapted".
 """
@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Adaptation:
-    """tasks: names without variant, "all" for every one."""
+    """One difference. tasks: names without variant, "all" for every one."""
 
     tasks: str
     what: str

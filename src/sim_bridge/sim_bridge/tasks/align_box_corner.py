@@ -26,12 +26,13 @@ BOX_MASS = 0.1  # [kg]
 
 
 class AlignBoxCorner(GoalTask):
-    """The box may lie in the corner in any of four ways: either side along either strip, either way round."""
+    """Task with one goal: the box lies in the corner in any of four ways,
+    either side along either strip, either way round."""
 
     done_sentence = "done aligning the box."
 
     def set_up(self, world: SimWorld, rng: np.random.Generator) -> Sequence[Goal]:
-        """See GoalTask."""
+        """Create the corner and the box, and return the goal."""
         x, y, z = _box_size(rng)
         shape = cuboid("box", (x, y, z), BOX_MASS)
         corner = free_pose(world, shape, rng).as_pose()
@@ -54,12 +55,12 @@ class AlignBoxCorner(GoalTask):
 
     @property
     def max_steps(self) -> int:
-        """Two mistakes are allowed."""
+        """Three: two mistakes are allowed."""
         return 3
 
 
 def _box_size(rng: np.random.Generator) -> tuple[float, float, float]:
-    """(x, y, z) [m], drawn again until the hand spans one side."""
+    """Draw edges (x, y, z) [m] until the hand spans one side."""
     while True:
         x, y = rng.uniform(*SIDES, 2)
         if min(x, y) <= WIDEST_PINCH:

@@ -38,15 +38,16 @@ SIDES: tuple[tuple[tuple[float, float], tuple[float, float], str], ...] = (
     ((1, -1), (-1, -1), "back right corner to back left corner"),
 )
 
-_FALL = 1.0  # while the rope comes to lie [s]
+_FALL = 1.0  # simulated time for the rope to come to rest [s]
 _FOOTPRINT = 0.1 * math.sqrt(0.5)  # from where the rope falls to the square's sides and the workspace's edge [m]
 _SQUARE_BORDER = 0.01  # between the square's corners and the workspace's edge [m]
 _ROPE_BORDER = 0.015  # between a bead and the workspace's edge [m]
-_DRAWS = 200  # of a pose for the square
+_DRAWS = 200  # of a pose, at most
 
 
 class AlignRope(GoalTask):
-    """A rope of 20 beads beside a square whose front side is missing; the rope goes onto one side, either way round."""
+    """Task with a rope of 20 beads beside a square without front side; the
+    rope goes onto one side, either way round."""
 
     done_sentence = "done aligning the rope."
     primitive = Primitive.FOLD
@@ -57,22 +58,22 @@ class AlignRope(GoalTask):
         self.beads: tuple[SceneObject, ...] = ()
 
     def set_up(self, world: SimWorld, rng: np.random.Generator) -> Sequence[Goal]:
-        """See GoalTask."""
+        """Create the square, drop the rope, and return the goal."""
         square = _square_pose(world, rng)
         world.add(square_shape(), square, paint=PURE_GREEN, fixed=True)
         self.beads = _drop_rope(world, square, rng)
         return (self.goal(square, self.side(rng)),)
 
     def side(self, rng: np.random.Generator) -> int:
-        """Which of SIDES is asked for."""
+        """Draw the index in SIDES that is asked for."""
         return int(rng.integers(len(SIDES)))
 
     def sentence(self, side: int) -> str:
-        """What is asked for."""
+        """Return the sentence for a side."""
         return f"align the rope from {SIDES[side][2]}"
 
     def goal(self, square: Pose, side: int) -> Goal:
-        """The rope along a side of the square: each bead in its slot, counted from either end."""
+        """Return the goal of a side: each bead is in its slot on that side of the square, counted from either end."""
         begin, end = (np.array([*corner, 0.0]) * (SQUARE_SIDE / 2) for corner in SIDES[side][:2])
         slots = square.apply(begin + (np.arange(ROPE_BEADS)[:, None] + 0.5) / ROPE_BEADS * (end - begin))
         either_way = np.eye(ROPE_BEADS, dtype=bool) | np.eye(ROPE_BEADS, dtype=bool)[::-1]
@@ -80,17 +81,17 @@ class AlignRope(GoalTask):
         return Goal(self.sentence(side), self.beads, targets, either_way, ON_SLOT, max_reward=1.0, turn=False)
 
     def goals_without_words(self) -> Sequence[Goal]:
-        """See Task: the rope along any side."""
+        """Return the goals of all sides that may be asked for."""
         square = next(self.world.object_pose(thing) for thing in self.objects if thing.shape is square_shape())
         return [self.goal(square, side) for side in self.sides_without_words]
 
     @property
     def max_steps(self) -> int:
-        """As many as there are beads."""
+        """One action for each bead."""
         return ROPE_BEADS
 
     def expert_action_for(self, goal: Goal) -> PickPlaceAction | None:
-        """One bead to its slot, the rest of the rope behind it."""
+        """Return the drag of one bead to its slot, with the rest of the rope behind it."""
         world = self.world
         beads = np.array([world.object_xy(bead) for bead in goal.objects])
         slots = np.array([target.translation[:2] for target in goal.targets])
@@ -102,22 +103,22 @@ class AlignRope(GoalTask):
 
 
 class ManipulatingRope(AlignRope):
-    """The rope always closes the square."""
+    """Variant in which the rope always closes the square."""
 
     done_sentence = "done manipulating the rope."
     sides_without_words = (0,)
 
     def side(self, rng: np.random.Generator) -> int:
-        """The missing one."""
+        """Return the index of the missing side."""
         return 0
 
     def sentence(self, side: int) -> str:
-        """See AlignRope."""
+        """Return the only sentence."""
         return "manipulate the rope to complete the square"
 
 
 def _square_pose(world: SimWorld, rng: np.random.Generator) -> Pose:
-    """Any place and yaw at which all of the square lies within the workspace."""
+    """Draw a place and yaw at which all of the square lies within the workspace."""
     workspace = world.config.workspace
     for _ in range(_DRAWS):
         x = float(rng.uniform(workspace.x_min, workspace.x_max))
@@ -126,16 +127,16 @@ def _square_pose(world: SimWorld, rng: np.random.Generator) -> Pose:
         if workspace.contains(pose.apply(square_shape().mesh.vertices), _SQUARE_BORDER).all():
             return pose
     raise LayoutError(
-        f"no room for a square of {1000 * SQUARE_SIDE:.0f} mm in a workspace "
+        f"no place for a square of {1000 * SQUARE_SIDE:.0f} mm in a workspace "
         f"{workspace.x_max - workspace.x_min:.2f} m wide; use a larger workspace"
     )
 
 
 def _drop_rope(world: SimWorld, square: Pose, rng: np.random.Generator) -> tuple[SceneObject, ...]:
-    """The rope as it lies after its fall, beside the square or inside it; its ends are white.
+    """Drop the rope beside the square or inside it and return its beads; its ends are white.
 
     Raises:
-        LayoutError: when it found no room, or reaches too near to the workspace's edge.
+        LayoutError: when there is no free place, or reaches too near to the workspace's edge.
     """
     about = _free_spot(world, square, rng)
     colors = ["white", *["red"] * (ROPE_BEADS - 2), "white"]
@@ -153,7 +154,7 @@ def _drop_rope(world: SimWorld, square: Pose, rng: np.random.Generator) -> tuple
 
 
 def _free_spot(world: SimWorld, square: Pose, rng: np.random.Generator) -> Pose:
-    """A place with room to the workspace's edge and to the square's three sides, whose inside is free.
+    """Draw a place far enough from the workspace's edge and from the square's three sides, whose inside is free.
 
     Raises:
         LayoutError: when none was drawn.
@@ -170,4 +171,4 @@ def _free_spot(world: SimWorld, square: Pose, rng: np.random.Generator) -> Pose:
         ]
         if min(to_sides) * SQUARE_SIDE / 2 >= _FOOTPRINT:
             return Pose(np.eye(3), at)
-    raise LayoutError("no room for the rope beside the square's sides; use a larger workspace")
+    raise LayoutError("no free place for the rope beside the square's sides; use a larger workspace")

@@ -21,11 +21,11 @@ class AssemblingKits(KitTask):
 
     @property
     def max_steps(self) -> int:
-        """As many mistakes as shapes."""
+        """Twice the number of shapes: a mistake for each is allowed."""
         return 2 * len(_COLORS)
 
     def set_up(self, world: SimWorld, rng: np.random.Generator) -> Sequence[Goal]:
-        """See GoalTask."""
+        """Create the kit and its shapes, and return the goal."""
         fits = self.spawn(world, rng, _COLORS, kit_shapes_of(self.split))
         goal = Goal(
             "put all the blocks inside the holes they fit in",

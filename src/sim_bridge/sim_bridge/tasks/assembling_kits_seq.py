@@ -29,11 +29,11 @@ class AssemblingKitsSeq(KitTask):
 
     @property
     def max_steps(self) -> int:
-        """No mistake is allowed."""
+        """The number of prints: no mistake is allowed."""
         return N_HOLES
 
     def set_up(self, world: SimWorld, rng: np.random.Generator) -> Sequence[Goal]:
-        """See GoalTask."""
+        """Create the kit and its shapes, and return a goal for each."""
         colors = [str(color) for color in rng.permutation(self.palette)[:N_HOLES]]
         fits = self.spawn(world, rng, colors, self.shapes)
         return [_goal(fits[i], fits) for i in rng.permutation(N_HOLES)]
@@ -55,7 +55,7 @@ def _goal(fit: Fit, fits: Sequence[Fit]) -> Goal:
 
 
 def which_of(at: FloatArray, others: Sequence[FloatArray]) -> str:
-    """Which of some equal prints is meant, with a space behind; nothing when there is only one.
+    """Return the word, with a space behind, that tells one of some equal prints apart; "" when there is only one.
 
     at and each of others: x, y [m]; top is towards the robot, left towards -y.
     """

@@ -17,12 +17,12 @@ from sim_bridge.world import SimWorld
 
 
 class BlockInsertion(GoalTask):
-    """A red L block; the fixture, fixed, is what it fits into with 1 cm to spare."""
+    """Task with a red L block and a fixed fixture into which it fits with 1 cm to spare."""
 
     done_sentence = "done inserting the block."
 
     def set_up(self, world: SimWorld, rng: np.random.Generator) -> Sequence[Goal]:
-        """See GoalTask."""
+        """Create the fixture and the block, and return the goal."""
         fixture = free_pose(world, l_fixture_shape(), rng, graspable=False)
         world.add(l_fixture_shape(), fixture.as_pose(FIXTURE_HEIGHT / 2), fixed=True)
         at = free_pose(world, l_block_shape(), rng).as_pose(L_HEIGHT / 2)
@@ -41,5 +41,5 @@ class BlockInsertion(GoalTask):
 
     @property
     def max_steps(self) -> int:
-        """Two mistakes are allowed."""
+        """Three: two mistakes are allowed."""
         return 3

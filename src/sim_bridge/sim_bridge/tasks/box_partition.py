@@ -1,4 +1,4 @@
-"""How a container's floor is cut into cells, one a thing to pack (docs/benchmark.md, "Cut containers")."""
+"""Partition of a container's floor into cells, one for each thing to pack (docs/benchmark.md, "Cut containers")."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Packing:
 
 
 def partition(width: float, depth: float, shortest: float, rng: np.random.Generator) -> tuple[Cell, ...]:
-    """Cells of a container of outer size width (x) and depth (y) [m]: as long as a rectangle has a side longer
+    """Cut the floor of a container of outer size width (x) and depth (y) [m]: as long as a rectangle has a side longer
     than twice `shortest` [m], one such side is cut at a random place that leaves `shortest` on both sides."""
     low, high = (GAP - width / 2, GAP - depth / 2), (width / 2 - GAP, depth / 2 - GAP)
     return tuple(_cells(low, high, shortest, rng))
@@ -47,7 +47,7 @@ def random_packing(
     fits: Callable[[Cell], bool],
     rng: np.random.Generator,
 ) -> Packing:
-    """A container with width and depth drawn from `sides` [m], cut so that every cell fits.
+    """Draw a container with width and depth from `sides` [m], cut so that every cell fits.
 
     Cuts are drawn again first, then the container too.
 

@@ -13,7 +13,7 @@ PATTERN = "put the {block} blocks in a {bowl} bowl"
 
 @dataclass(frozen=True)
 class ColorGoal:
-    """The blocks of one colour go into bowls of another.
+    """Goal of two colours: the blocks of the one go into bowls of the other.
 
     Raises:
         GoalError: when both colours are the same.

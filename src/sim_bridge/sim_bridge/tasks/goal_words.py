@@ -1,4 +1,4 @@
-"""Finds the block's and the bowl's colour in a sentence, to make a scene that suits it.
+"""Finds the block's and the bowl's colour in a sentence, for a scene that has them.
 
 This sets scenes up; it never reaches the policy, which reads the sentence itself.
 """
@@ -19,7 +19,7 @@ _BOWLS = {"bowl", "dish", "container", "cup", "basin", "pot", "vessel", "plate",
 
 
 def goal_colors(sentence: str) -> ColorGoal:
-    """The goal that a sentence names.
+    """Return the goal that a sentence names.
 
     A thing's colour is the last colour before its noun that belongs to no other noun; where there is none,
     the first one after it ("the cubes that are red").
@@ -53,7 +53,7 @@ def goal_colors(sentence: str) -> ColorGoal:
 
 
 def _kind(word: str) -> str | None:
-    """ "block" or "bowl" when the word, singular or plural, means one."""
+    """Return "block" or "bowl" if the word, singular or plural, means one."""
     forms = {word, word.removesuffix("s"), word.removesuffix("es")}
     if forms & _BLOCKS:
         return "block"

@@ -1,4 +1,4 @@
-"""What both assembling-kits tasks share: a kit with five prints, and a loose shape for each."""
+"""Common part of both assembling-kits tasks: a kit with five prints, and a loose shape for each."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ N_HOLES = len(HOLES_IN_KIT)
 
 
 def kit_shapes_of(split: Split) -> tuple[int, ...]:
-    """Which shapes a split uses: others in validation and test than in training."""
+    """Return the shapes that a split uses: others in validation and test than in training."""
     return SEEN_SHAPES if split is Split.TRAIN else UNSEEN_SHAPES
 
 
@@ -37,7 +37,7 @@ class Fit:
 
     @property
     def period(self) -> float:
-        """Turned by this the metric takes the shape for the same [rad]."""
+        """Angle by which the shape may be turned without a difference to the metric [rad]."""
         return KIT_SHAPES[self.index].period
 
 
@@ -47,16 +47,17 @@ class KitTask(GoalTask):
     done_sentence = "done assembling kit."
 
     def place_level(self, goal: Goal, thing: SceneObject) -> float:
-        """See GoalTask: everything goes onto the slab."""
+        """Return the height of the slab, on which every shape goes."""
         return KIT_SIZE[2]
 
     def spawn(
         self, world: SimWorld, rng: np.random.Generator, colors: Sequence[str], shapes: Sequence[int]
     ) -> list[Fit]:
-        """A fixed kit, five prints of shapes drawn from `shapes`, repetitions allowed, and the loose ones in `colors`.
+        """Create a fixed kit, five prints of shapes drawn from `shapes` with
+        repetition, and the loose shapes in `colors`.
 
         Raises:
-            LayoutError: when a shape found no room.
+            LayoutError: when a shape found no free place.
         """
         drawn = [int(index) for index in rng.choice(shapes, size=N_HOLES)]
         slab = world.add(kit_slab(), _kit_pose(world, rng).as_pose(KIT_SIZE[2] / 2), fixed=True)
@@ -73,7 +74,7 @@ class KitTask(GoalTask):
 
 
 def _kit_pose(world: SimWorld, rng: np.random.Generator) -> PlanarPose:
-    """Anywhere on the empty table where the slab fits as it is turned: the disc around it would leave it little."""
+    """Draw a pose on the empty table at which the turned slab fits; for the disc around it there would be few."""
     spec = world.config.workspace
     yaw = float(rng.uniform(-math.pi, math.pi))
     c, s = abs(math.cos(yaw)), abs(math.sin(yaw))

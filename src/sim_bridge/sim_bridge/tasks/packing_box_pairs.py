@@ -20,7 +20,8 @@ N_DISTRACTORS = 4
 
 
 class PackingBoxPairs(PackingBoxes):
-    """Boxes of the named colours fill the container; up to four of other colours, of the same sizes, stay."""
+    """Variant in which boxes of the named colours fill the container; up to
+    four of other colours and the same sizes stay."""
 
     done_sentence = "done packing blocks."
     z_cap = 0.0525  # no piles
@@ -32,17 +33,17 @@ class PackingBoxPairs(PackingBoxes):
 
     @property
     def sentence(self) -> str:
-        """See PackingBoxes."""
+        """Sentence with the scene's one or two colours."""
         return f"pack all the {' and '.join(self._colors)} blocks into the brown box"
 
     def draw_colors(self, count: int, rng: np.random.Generator) -> list[str]:
-        """One of two colours a box, so that one of them may be absent; a lone box has the only one."""
+        """Draw one of two colours for each box, so that one of them may be absent; a lone box has the only one."""
         drawn = rng.permutation(len(self.palette))[: min(2, count)]
         self._colors = tuple(self.palette[i] for i in drawn)
         return [self._colors[i] for i in rng.integers(len(self._colors), size=count)]
 
     def add_distractors(self, world: SimWorld, cells: Sequence[Cell], rng: np.random.Generator) -> None:
-        """Boxes as large as some of those to pack, in the palette's other colours, as far as there is room."""
+        """Add boxes as large as some of those to pack, in the palette's other colours, as many as find a place."""
         others = [color for color in self.palette if color not in self._colors]
         for _ in range(N_DISTRACTORS):
             cell, color = cells[int(rng.integers(len(cells)))], others[int(rng.integers(len(others)))]

@@ -26,18 +26,18 @@ BOX_HEIGHT = 0.05  # [m]
 BOX_MASS = 0.1  # [kg]
 
 _SIDES = (0.05, 0.30)  # of the container [m]
-_SHORTEST = 0.05  # side of a cell that a cut leaves, with half a gap [m]
+_SHORTEST = 0.05  # side of a cell after a cut, with half a gap [m]
 _FINGER_CLEARANCE = HAND.finger_thickness + 0.0088  # beside a box: an opened finger, with a margin [m]
 
 
 class PackingBoxes(GoalTask):
-    """A container (fixed) and the boxes that fill its cells, all over the table, in any colour but its own."""
+    """Task with a fixed container and the boxes that fill its cells, all over the table, in any colour but its own."""
 
     done_sentence = "done packing boxes."
-    z_cap = 0.08  # of the points that count, above the container's middle [m]
+    z_cap = 0.08  # greatest height above the container's middle of points that count [m]
 
     def set_up(self, world: SimWorld, rng: np.random.Generator) -> Sequence[Goal]:
-        """See GoalTask."""
+        """Create the container and its boxes, and return the goal."""
         packing = random_packing(_SIDES, _SHORTEST, _can_be_held, rng)
         container = add_container(world, packing.width, packing.depth, rng)
         colors = self.draw_colors(len(packing.cells), rng)
@@ -61,32 +61,32 @@ class PackingBoxes(GoalTask):
 
     @property
     def sentence(self) -> str:
-        """What the scene's goal is."""
+        """Sentence of the scene's goal."""
         return "pack all the boxes inside the brown box"
 
     @property
     def max_steps(self) -> int:
-        """See Task."""
+        """Twenty, in every scene."""
         return 20
 
     def place_level(self, goal: Goal, thing: SceneObject) -> float:
-        """The container's floor."""
+        """Return the height of the container's floor."""
         return WALL
 
     def draw_colors(self, count: int, rng: np.random.Generator) -> list[str]:
-        """A colour a box."""
+        """Draw a colour for each box."""
         choice = [color for color in COLORS if color != "brown"]
         return [choice[i] for i in rng.integers(len(choice), size=count)]
 
     def add_distractors(self, world: SimWorld, cells: Sequence[Cell], rng: np.random.Generator) -> None:
-        """Put what is not to be packed on the table; here nothing."""
+        """Put things on the table that are not to be packed; here none."""
 
 
 def add_container(world: SimWorld, width: float, depth: float, rng: np.random.Generator) -> SceneObject:
-    """A fixed container of that outer size [m] somewhere on the table.
+    """Add a fixed container of that outer size [m] somewhere on the table.
 
     Raises:
-        LayoutError: when there is no room.
+        LayoutError: when there is no free place.
     """
     shape = container_shape(width, depth)
     at = free_outline_pose(world, shape, rng, clearance=0.0)
@@ -94,10 +94,10 @@ def add_container(world: SimWorld, width: float, depth: float, rng: np.random.Ge
 
 
 def add_box(world: SimWorld, cell: Cell, color: str, rng: np.random.Generator) -> SceneObject:
-    """A box of a cell's size somewhere on the table.
+    """Add a box of a cell's size somewhere on the table.
 
     Raises:
-        LayoutError: when there is no room.
+        LayoutError: when there is no free place.
     """
     shape = cuboid("box", _size_of(cell), BOX_MASS)
     return world.add(shape, free_outline_pose(world, shape, rng, _FINGER_CLEARANCE).as_pose(BOX_HEIGHT / 2), color)
@@ -112,6 +112,6 @@ def _can_be_held(cell: Cell) -> bool:
 
 
 def _points_of(cell: Cell) -> npt.NDArray[np.float64]:
-    """By which a box lies in the container (N, 3) [m, body frame]."""
+    """Return the points of a box that count in the container, (N, 3) [m, body frame]."""
     size = np.array(_size_of(cell))
     return lattice(-size / 2, size)

@@ -28,12 +28,13 @@ from sim_bridge.tasks.variants import Variant
 from sim_bridge.world import SimWorld
 
 _SIDES = (0.20, 0.35)  # of the container [m]
-_CHOICE = 2  # of a thing's pinches, that with more room for the fingers is taken
+_MAX_PINCHES = 2  # best pinches of a thing, of which the one with more clearance is taken
 _SHORTEST = 0.08  # side of a cell that a cut leaves, with half a gap [m]
 
 
 class PackingGoogleObjects(GoalTask):
-    """A container (fixed), and an everyday object for each of its cells, dropped on the table where there is room."""
+    """Task with a fixed container, and an everyday object for each of its
+    cells, dropped at free places on the table."""
 
     done_sentence = "done packing objects."
 
@@ -44,19 +45,19 @@ class PackingGoogleObjects(GoalTask):
 
     @property
     def object_source(self) -> str:
-        """See Task."""
+        """The set of everyday objects in use, in words."""
         return object_set().description
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the objects that a scene of this split may hold."""
+        """Names of the objects that a scene of this split may hold."""
         source = object_set()
         if self._variant is Variant.SEEN:
             return source.seen + source.unseen
         return source.seen if self.split is Split.TRAIN else source.unseen
 
     def set_up(self, world: SimWorld, rng: np.random.Generator) -> Sequence[Goal]:
-        """See GoalTask."""
+        """Create the container, drop the objects, and return the goals."""
         packing = random_packing(_SIDES, _SHORTEST, lambda cell: True, rng)
         container = add_container(world, packing.width, packing.depth, rng)
         goals = self.goals_for(world, container, packing, rng)
@@ -75,16 +76,17 @@ class PackingGoogleObjects(GoalTask):
         """Drop the objects and draw which of them are to be packed.
 
         Raises:
-            LayoutError: when too few objects found room.
+            LayoutError: when too few objects found a free place.
         """
 
     @property
     def max_steps(self) -> int:
-        """One mistake is allowed."""
+        """One more than there are objects to pack: one mistake is allowed."""
         return self._n_targets + 1
 
     def moves_to_make(self, goal: Goal) -> list[tuple[SceneObject, PlanarPose]]:
-        """See GoalTask; each thing goes where there is room, as near to the container's middle as may be."""
+        """Return the moves of GoalTask with other targets: a free place as
+        near to the container's middle as possible."""
         assert isinstance(goal.metric, ZoneMetric)
         size = goal.metric.size
         return [
@@ -93,30 +95,32 @@ class PackingGoogleObjects(GoalTask):
         ]
 
     def pinches(self, thing: SceneObject) -> list[Pinch]:
-        """The best of those where the palm has room too, if there are any."""
+        """Return the best of those pinches at which the palm is free; of all of them where it never is."""
         pinches = super().pinches(thing)
         here = self.world.planar_pose(thing)
         free = [pinch for pinch in pinches if palm_is_free(self.world, thing, gripper_at(here, pinch))]
-        return (free or pinches)[:_CHOICE]
+        return (free or pinches)[:_MAX_PINCHES]
 
     def place_level(self, goal: Goal, thing: SceneObject) -> float:
-        """The container's floor."""
+        """Return the height of the container's floor."""
         return WALL
 
 
 class PackingGoogleObjectsSeq(PackingGoogleObjects):
-    """Objects of different names; each step names the next one."""
+    """Variant with objects of different names; each step names the next one."""
 
     stepwise = True
 
     def goals_for(
         self, world: SimWorld, container: SceneObject, packing: Packing, rng: np.random.Generator
     ) -> Sequence[Goal]:
-        """See PackingGoogleObjects."""
+        """Drop objects of different names and return a goal for each of the first ones."""
         names = [self.names[i] for i in rng.permutation(len(self.names))[: len(packing.cells)]]
         things = _dropped(world, names, packing, rng)
         if len(things) < 2:
-            raise LayoutError(f"room for {len(things)} of {len(names)} objects: two are needed; use a larger workspace")
+            raise LayoutError(
+                f"free places for {len(things)} of {len(names)} objects: two are needed; use a larger workspace"
+            )
         count = int(rng.integers(1, len(things)))
         return [
             _goal(world, f"pack the {thing.name} in the brown box", [thing], container, packing, 1.0 / count)
@@ -125,24 +129,25 @@ class PackingGoogleObjectsSeq(PackingGoogleObjects):
 
 
 class PackingGoogleObjectsGroup(PackingGoogleObjects):
-    """Two or more objects of one name are to be packed; two or more of another name, and others, are not."""
+    """Variant in which two or more objects of one name are to be packed; two
+    or more of another name, and others, are not."""
 
     def goals_for(
         self, world: SimWorld, container: SceneObject, packing: Packing, rng: np.random.Generator
     ) -> Sequence[Goal]:
-        """See PackingGoogleObjects."""
+        """Drop objects, several of two names, and return the goal of all that have the first name."""
         names = [self.names[i] for i in rng.integers(len(self.names), size=len(packing.cells))]
         wanted, other = (names[i] for i in rng.choice(len(names), size=2, replace=False))
         names[:4] = [wanted, wanted, other, other]
         things = _dropped(world, names, packing, rng)
         targets = [thing for thing in things if thing.name == wanted]
         if len(targets) < 2 or len(things) < 3:
-            raise LayoutError(f"room for {len(targets)} of two objects to pack; use a larger workspace")
+            raise LayoutError(f"free places for {len(targets)} of two objects to pack; use a larger workspace")
         return (_goal(world, f"pack all the {wanted} objects in the brown box", targets, container, packing, 1.0),)
 
 
 def _dropped(world: SimWorld, names: Sequence[str], packing: Packing, rng: np.random.Generator) -> list[SceneObject]:
-    """One object a cell, as large as that asks for; those without room are left out."""
+    """Drop one object for each cell, sized by that; those without a free place are left out."""
     source = object_set()
     edges = [max(cell.width, cell.depth) for cell in packing.cells]
     return drop(world, [(source.named(name), edge) for name, edge in zip(names, edges, strict=True)], rng)
@@ -156,7 +161,8 @@ def _goal(
     packing: Packing,
     max_reward: float,
 ) -> Goal:
-    """All points of the things inside the container's outline; the expert puts them in its middle."""
+    """Return the goal of all points of the things inside the container's
+    outline; the expert puts them in its middle."""
     bounds = [(thing.mesh.vertices.min(axis=0), np.ptp(thing.mesh.vertices, axis=0)) for thing in things]
     points = tuple(lattice(low, size) for low, size in bounds)
     return Goal(

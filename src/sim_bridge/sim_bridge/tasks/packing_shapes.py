@@ -24,7 +24,7 @@ N_SHAPES = 5
 
 
 class PackingShapes(GoalTask):
-    """Five different shapes of five colours, the first of which is asked for, and a fixed container."""
+    """Task with five different shapes of five colours, the first of which is asked for, and a fixed container."""
 
     done_sentence = "done packing shapes."
 
@@ -34,11 +34,11 @@ class PackingShapes(GoalTask):
 
     @property
     def max_steps(self) -> int:
-        """There is no second try."""
+        """One: there is no second try."""
         return 1
 
     def set_up(self, world: SimWorld, rng: np.random.Generator) -> Sequence[Goal]:
-        """See GoalTask."""
+        """Create the container and the shapes, and return the goal."""
         width, depth = rng.uniform(0.10, 0.15, size=2)
         indices = rng.choice(kit_shapes_of(self.split), size=N_SHAPES, replace=False)
         colors = rng.permutation(self.palette)[:N_SHAPES]
@@ -62,7 +62,7 @@ class PackingShapes(GoalTask):
         return (goal,)
 
     def place_level(self, goal: Goal, thing: SceneObject) -> float:
-        """See GoalTask: the container's floor."""
+        """Return the height of the container's floor."""
         return WALL
 
 

@@ -33,8 +33,8 @@ _SENTENCE = "stack all the boxes on the pallet"
 
 
 class PalletizingBoxes(GoalTask):
-    """A box appears whenever none lies on the half of the table at y < 0; three layers of six, each turned by a
-    quarter against the one below."""
+    """Task in which a box appears whenever none lies on the half of the table at y < 0; they make three layers of six,
+    each turned by a quarter against the one below."""
 
     done_sentence = "done stacking the boxes."
 
@@ -45,7 +45,7 @@ class PalletizingBoxes(GoalTask):
         self._boxes: list[SceneObject] = []
 
     def set_up(self, world: SimWorld, rng: np.random.Generator) -> Sequence[Goal]:
-        """See GoalTask."""
+        """Create the pallet and the first box, and return the goal."""
         world.add(pallet_shape(), PALLET_AT.as_pose(PALLET_SIZE[2] / 2), fixed=True)
         layers = [_layer(i) for i in range(LAYERS)]
         self._slots = [layer[i] for layer in layers for i in rng.permutation(len(layer))]
@@ -58,7 +58,7 @@ class PalletizingBoxes(GoalTask):
 
     @property
     def arrivals(self) -> Sequence[tuple[PlanarPose, float]]:
-        """See GoalTask."""
+        """The place where boxes appear, with a box's radius."""
         return ((BOXES_FROM, math.hypot(*BOX_SIZE[:2]) / 2),)
 
     @property
@@ -67,7 +67,7 @@ class PalletizingBoxes(GoalTask):
         return 30
 
     def advance(self) -> None:
-        """The next box appears when the last one is away."""
+        """Judge the scene after an action, and bring the next box when the last one is away."""
         if not self._coming:
             super().advance()
             return
@@ -77,11 +77,11 @@ class PalletizingBoxes(GoalTask):
             self._goals = (self._goal(),)
 
     def moves_to_make(self, goal: Goal) -> list[tuple[SceneObject, PlanarPose]]:
-        """Every box has its own place on the pallet."""
+        """Return the moves of every box to its own place on the pallet."""
         return super().moves_to_make(self._stack())
 
     def place_level(self, goal: Goal, thing: SceneObject) -> float:
-        """The top of the layer below."""
+        """Return the height of the layer below."""
         return self._stack().level(thing)
 
     def _bring_box(self, world: SimWorld) -> None:
@@ -89,7 +89,8 @@ class PalletizingBoxes(GoalTask):
         self._boxes.append(world.add(_box(), at.as_pose(BOX_SIZE[2] / 2), paint=paint))
 
     def _goal(self) -> Goal:
-        """Goal: every box spawned so far is on the pallet; its share of the task grows with them."""
+        """Return the goal that is scored: every box spawned so far is on the
+        pallet; its share of the task grows with them."""
         n = len(self._boxes)
         points = lattice([-side / 2 for side in BOX_SIZE], BOX_SIZE)
         return Goal(
@@ -102,7 +103,7 @@ class PalletizingBoxes(GoalTask):
         )
 
     def _stack(self) -> Goal:
-        """Each box at its place: what the expert works for, not what is scored."""
+        """Return the goal that the expert works for: each box at its own place."""
         n = len(self._boxes)
         slots = tuple(self._slots[:n])
         turn = (_box().symmetry,) * n
@@ -115,7 +116,7 @@ def _box() -> Shape:
 
 
 def _layer(index: int) -> list[Pose]:
-    """Where the boxes of a layer rest: two by three, turned by a quarter in every other one."""
+    """Return the poses of a layer's boxes at rest: two by three, turned by a quarter in every other layer."""
     z = PALLET_SIZE[2] + (index + 0.5) * BOX_SIZE[2]
     along, beside = BOX_SIZE[0] + GAP, BOX_SIZE[1] + FINGER_GAP
     pallet = PALLET_AT.as_pose() @ Pose.from_xyz_rpy((0.0, 0.0, z), (0.0, 0.0, index % 2 * math.pi / 2))

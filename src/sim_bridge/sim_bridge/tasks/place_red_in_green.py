@@ -15,22 +15,23 @@ from sim_bridge.tasks.variants import Variant
 
 
 class PlaceRedInGreen(PutBlocksInBowls):
-    """Red blocks, green bowls; distractors of any colour but these, where a red bowl or a green block is one too."""
+    """Task with red blocks and green bowls; distractors have any colour but
+    these, and may be a red bowl or a green block."""
 
     def __init__(self, name: str, split: Split) -> None:
         super().__init__(name, split, Variant.FULL, ColorGoal("red", "green"))
 
     def ask_for(self, instruction: str) -> None:
-        """Refuse: this task has one goal."""
+        """Refuse every sentence: this task has one goal."""
         Task.ask_for(self, instruction)
 
     def distractor_colors(self, rng: np.random.Generator) -> list[tuple[str, str]]:
-        """The k-th distractor has the k-th colour: a block without red, a bowl without green."""
+        """Return the k-th colours for the k-th distractor: a block without red, a bowl without green."""
         blocks = [color for color in COLORS if color != "red"]
         bowls = [color for color in COLORS if color != "green"]
         return list(zip(blocks, bowls, strict=True))[:N_DISTRACTORS]
 
     @property
     def max_steps(self) -> int:
-        """As in the benchmark."""
+        """Ten, as in the benchmark."""
         return 10

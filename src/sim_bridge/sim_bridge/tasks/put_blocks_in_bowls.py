@@ -31,7 +31,8 @@ _CHANCE_EPISODES = 400  # that an agent without knowledge plays
 
 
 class PutBlocksInBowls(GoalTask):
-    """One to three target bowls (fixed), as many or fewer target blocks, six distractors of other colours."""
+    """Task with one to three fixed target bowls, as many or fewer target
+    blocks, and six distractors of other colours."""
 
     done_sentence = DONE_SENTENCE
     several_goals = True
@@ -45,7 +46,7 @@ class PutBlocksInBowls(GoalTask):
         self._n_blocks = 0
 
     def set_up(self, world: SimWorld, rng: np.random.Generator) -> Sequence[Goal]:
-        """See GoalTask."""
+        """Create bowls, blocks and distractors, and return the goal."""
         n_bowls = int(rng.integers(1, 4))
         self._n_blocks = int(rng.integers(1, n_bowls + 1))
         first, second = rng.choice(len(self.palette), size=2, replace=False)
@@ -62,12 +63,13 @@ class PutBlocksInBowls(GoalTask):
         return (self._as_goal(self._goal),)
 
     def distractor_colors(self, rng: np.random.Generator) -> list[tuple[str, str]]:
-        """(block colour, bowl colour) of each distractor: the first if it becomes a block, the second if a bowl."""
+        """Return (block colour, bowl colour) of each distractor: the first if
+        it becomes a block, the second if a bowl."""
         others = [c for c in COLORS if c not in (self._goal.block, self._goal.bowl)]
         return [(color, color) for color in others[:N_DISTRACTORS]]
 
     def ask_for(self, instruction: str) -> None:
-        """See Task; a sentence that names a block colour and a bowl colour names a goal."""
+        """Take the goal of a sentence that names a block colour and a bowl colour."""
         self._wanted_goal = goal_colors(instruction)
 
     @property
@@ -77,24 +79,24 @@ class PutBlocksInBowls(GoalTask):
 
     @property
     def sentence_slots(self) -> Mapping[str, str]:
-        """The two colours."""
+        """The colours of the goal's blocks and bowls."""
         return {"block": self._goal.block, "bowl": self._goal.bowl}
 
     @property
     def max_steps(self) -> int:
-        """One mistake is allowed."""
+        """One more than there are target blocks: one mistake is allowed."""
         return self._n_blocks + 1
 
     def expert_action(self) -> PickPlaceAction | None:
-        """See Task; a bowl that holds a block is not free."""
+        """Return the expert's action; a bowl that holds a block is not free."""
         return self.expert_action_for(self._into_free_bowls(self._goal))
 
     def place_level(self, goal: Goal, thing: SceneObject) -> float:
-        """The fingers open above a bowl's rim."""
+        """Return the height of a bowl's rim, above which the fingers open."""
         return BOWL_HEIGHT
 
     def goals_in_scene(self) -> list[Goal]:
-        """See Task; of the split's palette."""
+        """Return the goals of the split's palette that this scene leaves to do."""
         pairs = [ColorGoal(b, c) for b in self.palette for c in self.palette if b != c]
         goals = [goal for goal in map(self._into_free_bowls, pairs) if goal.objects and goal.targets]
         return [goal for goal in goals if self.expert_action_for(goal) is not None]
@@ -116,22 +118,22 @@ class PutBlocksInBowls(GoalTask):
         return float(inside[:, is_target].mean())
 
     def blocks(self, color: str | None = None) -> list[SceneObject]:
-        """All blocks, or those of a colour."""
+        """Return all blocks, or those of a colour."""
         return [o for o in self.objects if o.shape is block_shape() and color in (None, o.color)]
 
     def bowls(self, color: str | None = None) -> list[SceneObject]:
-        """All bowls, or those of a colour."""
+        """Return all bowls, or those of a colour."""
         return [o for o in self.objects if o.shape is bowl_shape() and color in (None, o.color)]
 
     def goals_without_words(self) -> Sequence[Goal]:
-        """See Task: any block in any bowl."""
+        """Return one goal: any block in any bowl."""
         blocks, bowls = self.blocks(), self.bowls()
         matches = np.ones((len(blocks), len(bowls)), dtype=bool)
         targets = tuple(self.world.object_pose(bowl) for bowl in bowls)
         return [Goal("", tuple(blocks), targets, matches, IN_BOWL, 1.0, (0.0,) * len(blocks), turn=False)]
 
     def _into_free_bowls(self, goal: ColorGoal) -> Goal:
-        """What the expert works for: no bowl with a block that does not belong there."""
+        """Return the goal that the expert works for: no bowl with a block that does not belong there."""
         wanted = self._as_goal(goal)
         matches = wanted.matches.copy()
         for j, bowl in enumerate(self.bowls(goal.bowl)):
@@ -141,7 +143,7 @@ class PutBlocksInBowls(GoalTask):
         return replace(wanted, matches=matches)
 
     def _as_goal(self, goal: ColorGoal) -> Goal:
-        """Any block of the one colour in any bowl of the other, whatever else is in it."""
+        """Return the goal of any block of the one colour in any bowl of the other, whatever else is in it."""
         world = self.world
         blocks, bowls = self.blocks(goal.block), self.bowls(goal.bowl)
         matches = np.ones((len(blocks), len(bowls)), dtype=bool)

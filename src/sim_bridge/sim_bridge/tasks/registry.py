@@ -40,7 +40,7 @@ _GOOGLE = {"seen": Variant.SEEN, "unseen": Variant.UNSEEN}
 def _variants(
     template: str, variants: dict[str, Variant], make: Callable[[str, Split, Variant], Task]
 ) -> dict[str, TaskMaker]:
-    """A task's variants by their full names: the template with each variant's word in it."""
+    """Return a task's variants by their full names: the template with each variant's word in it."""
 
     def maker(variant: Variant) -> TaskMaker:
         return lambda full_name, split: make(full_name, split, variant)
@@ -113,7 +113,7 @@ ALIASES: dict[str, str] = {
 
 
 def split_of(name: str) -> Split:
-    """The split of that name.
+    """Return the split of that name.
 
     Raises:
         UnknownNameError: naming the nearest ones.
@@ -146,7 +146,7 @@ def make_task(name: str, split: str, instruction: str = "") -> Task:
 
 @cache
 def added_tasks() -> Mapping[str, EntryPoint]:
-    """The tasks that installed packages add to the benchmark's, by name.
+    """Return the tasks that installed packages add to the benchmark's, by name.
 
     Raises:
         TaskPackageError: when two packages add one name, or one that the benchmark has.
@@ -163,12 +163,12 @@ def added_tasks() -> Mapping[str, EntryPoint]:
 
 
 def is_known(name: str) -> bool:
-    """Whether there is a task of that full name."""
+    """Return True if there is a task of that full name."""
     return name in TASKS or name in added_tasks()
 
 
 def _made_by(entry: EntryPoint, split: Split) -> Task:
-    """The task of a package that adds it."""
+    """Load another package's task and make it."""
     try:
         task = entry.load()(entry.name, split)
     except SimBridgeError:

@@ -26,34 +26,36 @@ from sim_bridge.tasks.variants import Variant
 from sim_bridge.world import SimWorld
 
 N_BLOCKS = 50
-SEPARATING_ZONE = 0.15  # edge of what counts as inside when piles are separated [m]
+SEPARATING_ZONE = 0.15  # edge of the zone that counts when piles are separated [m]
 ZONE_DISTANCE = 0.2  # between the middles of two zones at least [m]
 PILE_EDGE = 0.2  # of the square about the workspace's middle in which the blocks lie [m]
 
 _PILE_HEIGHT = 0.01  # from which the blocks fall [m]
-_DRAWS = 20  # of a second zone
+_DRAWS = 20  # of a pair of zones, at most
 _CORNER = lattice((-PILE_BLOCK_SIZE / 2,) * 3, (PILE_BLOCK_SIZE,) * 3)
 
 
 class _PileTask(GoalTask):
-    """Fifty small blocks scattered in the middle, and zones, only seen; the closed hand sweeps."""
+    """Common part of the tasks with fifty small blocks scattered in the middle,
+    and zones, only seen; the closed hand sweeps."""
 
     primitive = Primitive.SWEEP
 
     @property
     def max_steps(self) -> int:
-        """Sweeps."""
+        """Twenty sweeps."""
         return 20
 
     def expert_action_for(self, goal: Goal) -> PickPlaceAction | None:
-        """The sweep that brings the most blocks into the zone."""
+        """Return the sweep that brings the most blocks into the zone."""
         world = self.world
         zone = PlanarPose.from_pose(goal.targets[0])
         sweep = next_sweep(self._block_xy(goal), zone, _edge(goal), world.config.workspace)
         return None if sweep is None else PickPlaceAction(*sweep, Primitive.SWEEP)
 
     def judge(self, pick: PlanarPose, place: PlanarPose, exact_offset: bool = False) -> JudgedAction:
-        """A sweep picks the blocks on its way; it is right when one of them lies outside, and when it ends inside."""
+        """Judge a sweep, which picks the blocks on its way: it is right when one of
+        them lies outside, and when it ends inside."""
         goal = self.present_goal
         zones = [thing for thing in self.objects if thing.shape is zone_shape()]
         under = next((z for z in zones if _contains(self.world.object_pose(z), place, ZONE_OUTLINE)), None)
@@ -71,7 +73,8 @@ class _PileTask(GoalTask):
 
 
 class SeparatingPiles(_PileTask):
-    """Blocks of one colour into the zone of the colour that is asked for; another zone beside it."""
+    """Task with blocks of one colour that go into the zone of the colour
+    that is asked for; another zone is beside it."""
 
     done_sentence = "done separating pile."
 
@@ -80,7 +83,7 @@ class SeparatingPiles(_PileTask):
         self.palette = variant.palette(split)
 
     def set_up(self, world: SimWorld, rng: np.random.Generator) -> Sequence[Goal]:
-        """See GoalTask."""
+        """Create two zones and the blocks, and return the goal."""
         *zone_colors, block_color = (self.palette[i] for i in rng.choice(len(self.palette), size=3, replace=False))
         zones = _zone_poses(world, rng)
         for pose, color in zip(zones, zone_colors, strict=True):
@@ -91,19 +94,19 @@ class SeparatingPiles(_PileTask):
         return (_goal(sentence, blocks, zones[asked], SEPARATING_ZONE),)
 
     def goals_without_words(self) -> Sequence[Goal]:
-        """See Task: the blocks in either zone."""
+        """Return two goals: the blocks in either zone."""
         zones = [self.world.object_pose(thing) for thing in self.objects if thing.shape is zone_shape()]
         blocks = tuple(thing for thing in self.objects if thing.shape is pile_block_shape())
         return [_goal("", blocks, zone, SEPARATING_ZONE) for zone in zones]
 
 
 class SweepingPiles(_PileTask):
-    """Red blocks into the green zone; what is drawn is what counts."""
+    """Task with red blocks that go into the green zone; the outline that is drawn is the zone that counts."""
 
     done_sentence = "done sweeping."
 
     def set_up(self, world: SimWorld, rng: np.random.Generator) -> Sequence[Goal]:
-        """See GoalTask."""
+        """Create the zone and the blocks, and return the goal."""
         zone = free_pose(world, zone_shape(), rng, graspable=False).as_pose()
         world.add(zone_shape(), zone, paint=PURE_GREEN, fixed=True)
         blocks = _add_blocks(world, rng, "red")
@@ -111,7 +114,7 @@ class SweepingPiles(_PileTask):
 
 
 def _zone_poses(world: SimWorld, rng: np.random.Generator) -> list[Pose]:
-    """Two poses, far enough apart.
+    """Draw two poses, far enough apart.
 
     Raises:
         LayoutError: when none were drawn.
@@ -125,7 +128,7 @@ def _zone_poses(world: SimWorld, rng: np.random.Generator) -> list[Pose]:
 
 
 def _add_blocks(world: SimWorld, rng: np.random.Generator, color: str) -> tuple[SceneObject, ...]:
-    """They fall onto a square about the workspace's middle."""
+    """Add the blocks, which fall onto a square about the workspace's middle."""
     spec = world.config.workspace
     middle = np.array([spec.x_min + spec.x_max, spec.y_min + spec.y_max]) / 2
     blocks = []
@@ -138,7 +141,7 @@ def _add_blocks(world: SimWorld, rng: np.random.Generator, color: str) -> tuple[
 
 
 def _goal(sentence: str, blocks: tuple[SceneObject, ...], zone: Pose, edge: float) -> Goal:
-    """All blocks inside; a block's lowest corner says where it is (docs/benchmark.md, "Scores")."""
+    """Return the goal of all blocks inside; a block's lowest corner says where it is (docs/benchmark.md, "Scores")."""
     metric = ZoneMetric((edge, edge), (_CORNER,) * len(blocks))
     matches = np.ones((len(blocks), 1), dtype=bool)
     return Goal(sentence, blocks, (zone,), matches, metric, max_reward=1.0, turn=False, replace=True)

@@ -28,12 +28,12 @@ _ROW_COLORS = ("green, blue and purple blocks", "yellow and orange blocks", "red
 
 
 class _Pyramid(GoalTask):
-    """The scene that both tasks share: a stand and six cubes of six colours."""
+    """Common part of both tasks: a stand and six cubes of six colours."""
 
     done_sentence = "done stacking block pyramid."
 
     def set_up(self, world: SimWorld, rng: np.random.Generator) -> Sequence[Goal]:
-        """See GoalTask."""
+        """Create the stand and the cubes, and return the goals."""
         shape = pyramid_stand_shape()
         at = free_pose(world, shape, rng, graspable=False).as_pose(PYRAMID_STAND_HEIGHT / 2)
         world.add(shape, at, fixed=True)
@@ -45,24 +45,24 @@ class _Pyramid(GoalTask):
 
     @abstractmethod
     def colors(self, rng: np.random.Generator) -> Sequence[str]:
-        """Of the six blocks, bottom row first."""
+        """Return the colours of the six blocks, bottom row first."""
 
     @abstractmethod
     def goals_for(self, blocks: Sequence[SceneObject], slots: Sequence[Pose]) -> Sequence[Goal]:
-        """The goals in their order; slots: where the blocks go [base frame]."""
+        """Return the goals in their order; slots: poses to which the blocks go [base frame]."""
 
     @property
     def max_steps(self) -> int:
-        """Twice as many as needed."""
+        """Twelve: twice as many as needed."""
         return 12
 
     def place_level(self, goal: Goal, thing: SceneObject) -> float:
-        """The top of the row below."""
+        """Return the height of the row below."""
         return goal.level(thing)
 
 
 class StackBlockPyramidSeq(_Pyramid):
-    """One sentence and goal a block."""
+    """Variant with a sentence and a goal for each block."""
 
     stepwise = True
 
@@ -71,11 +71,11 @@ class StackBlockPyramidSeq(_Pyramid):
         self.palette = variant.palette(split)
 
     def colors(self, rng: np.random.Generator) -> Sequence[str]:
-        """Six of the palette."""
+        """Draw six colours of the palette."""
         return tuple(str(c) for c in rng.permutation(self.palette)[: len(SLOTS)])
 
     def goals_for(self, blocks: Sequence[SceneObject], slots: Sequence[Pose]) -> Sequence[Goal]:
-        """A sixth of the task a block."""
+        """Return a goal for each block, a sixth of the task each."""
         c = [block.color for block in blocks]
         places = (
             "the lightest brown block",
@@ -90,14 +90,14 @@ class StackBlockPyramidSeq(_Pyramid):
 
 
 class StackBlockPyramid(_Pyramid):
-    """A goal a row, whose blocks are interchangeable; the colours are always the same."""
+    """Variant with a goal for each row, whose blocks are interchangeable; the colours are always the same."""
 
     def colors(self, rng: np.random.Generator) -> Sequence[str]:
-        """The rows'."""
+        """Return the rows' colours."""
         return [color for _, colors in _ROWS for color in colors]
 
     def goals_for(self, blocks: Sequence[SceneObject], slots: Sequence[Pose]) -> Sequence[Goal]:
-        """As much of the task as the row has blocks."""
+        """Return a goal for each row, with as large a share of the task as the row has of the blocks."""
         goals, first = [], 0
         for (row, colors), named in zip(_ROWS, _ROW_COLORS, strict=True):
             end = first + len(colors)
@@ -107,7 +107,7 @@ class StackBlockPyramid(_Pyramid):
 
 
 def _slots() -> list[Pose]:
-    """Where the blocks' middles come to rest, in the stand's frame."""
+    """Return the poses of the blocks' middles at rest, in the stand's frame."""
     heights = [PYRAMID_STAND_HEIGHT / 2 + (row + 0.5) * BLOCK_SIZE for _, row in SLOTS]
     return [Pose.from_xyz_rpy((0.0, y, z), (0.0, 0.0, 0.0)) for (y, _), z in zip(SLOTS, heights, strict=True)]
 

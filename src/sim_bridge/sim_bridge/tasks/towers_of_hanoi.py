@@ -32,12 +32,12 @@ PLAN = ((0, 2), (1, 1), (0, 1), (2, 2), (0, 0), (1, 2), (0, 2))  # (ring, peg) a
 
 
 class _Hanoi(GoalTask):
-    """The scene that both tasks share: a stand with three pegs and, on the first one, three rings."""
+    """Common part of both tasks: a stand with three pegs and, on the first one, three rings."""
 
     done_sentence = "solved towers of hanoi."
 
     def set_up(self, world: SimWorld, rng: np.random.Generator) -> Sequence[Goal]:
-        """See GoalTask."""
+        """Create the stand and the rings, and return a goal for each move."""
         shape = hanoi_stand_shape()
         at = free_outline_pose(world, shape, rng, clearance=0.0).as_pose(HANOI_STAND_HEIGHT / 2)
         world.add(shape, at, fixed=True)
@@ -59,11 +59,11 @@ class _Hanoi(GoalTask):
 
     @abstractmethod
     def colors(self, rng: np.random.Generator) -> Sequence[str]:
-        """Of the three rings, the smallest first."""
+        """Return the colours of the three rings, the smallest first."""
 
     @abstractmethod
     def sentence(self, ring: SceneObject, peg: int) -> str:
-        """What asks for a move."""
+        """Return the sentence that asks for a move."""
 
     @property
     def max_steps(self) -> int:
@@ -71,12 +71,12 @@ class _Hanoi(GoalTask):
         return 2 * len(PLAN)
 
     def place_level(self, goal: Goal, thing: SceneObject) -> float:
-        """The tile, or the ring that is on the peg already."""
+        """Return the height of the tile, or of the ring that is on the peg already."""
         return goal.level(thing)
 
 
 class TowersOfHanoiSeq(_Hanoi):
-    """A sentence for every move."""
+    """Variant with a sentence for every move."""
 
     stepwise = True
 
@@ -85,28 +85,28 @@ class TowersOfHanoiSeq(_Hanoi):
         self.palette = variant.palette(split)
 
     def colors(self, rng: np.random.Generator) -> Sequence[str]:
-        """Three of the palette."""
+        """Draw three colours of the palette."""
         return tuple(str(c) for c in rng.permutation(self.palette)[: len(RING_DIAMETERS)])
 
     def sentence(self, ring: SceneObject, peg: int) -> str:
-        """Ring and peg."""
+        """Return a sentence with the ring's colour and the peg."""
         return f"move the {ring.color} ring to the {PEGS[peg]}"
 
 
 class TowersOfHanoi(_Hanoi):
-    """One sentence; the colours are always the same."""
+    """Variant with one sentence; the colours are always the same."""
 
     def colors(self, rng: np.random.Generator) -> Sequence[str]:
-        """From small to large."""
+        """Return the colours from small to large."""
         return ("red", "yellow", "green")
 
     def sentence(self, ring: SceneObject, peg: int) -> str:
-        """The same for every move."""
+        """Return the sentence, the same for every move."""
         return "solve towers of hanoi"
 
 
 def _on_peg(peg: int, below: int) -> Pose:
-    """Where a ring's middle rests with that many rings below it, in the stand's frame."""
+    """Return the pose of a ring's middle with `below` rings under it, in the stand's frame."""
     z = HANOI_STAND_HEIGHT / 2 + (below + 0.5) * RING_THICKNESS
     return Pose.from_xyz_rpy((0.0, (peg - 1) * HANOI_TILE, z), (0.0, 0.0, 0.0))
 

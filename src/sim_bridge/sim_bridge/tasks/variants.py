@@ -1,4 +1,4 @@
-"""Seen, unseen and full variants: which colours a split may use.
+"""Seen, unseen and full variants: the colours that a split may use.
 
 See docs/benchmark.md, "Names and variants" and "Colours".
 """
@@ -12,14 +12,15 @@ from sim_bridge.task_mechanics.task import Split
 
 
 class Variant(Enum):
-    """seen: the same attributes everywhere; unseen: others in validation and test; full: all of them, for training."""
+    """Variant of a task's colours. seen: the same everywhere; unseen: others in
+    validation and test; full: all of them, for training."""
 
     SEEN = "seen"
     UNSEEN = "unseen"
     FULL = "full"
 
     def palette(self, split: Split) -> tuple[str, ...]:
-        """The colours of the things that count."""
+        """Return the colours of the things that count."""
         if self is Variant.FULL:
             return tuple(COLORS)
         return UNSEEN_PALETTE if self is Variant.UNSEEN and split is not Split.TRAIN else SEEN_PALETTE

@@ -1,0 +1,109 @@
+"""Steps of tools/setup on machines unlike this one: other Pythons, no administrator's rights, a moved checkout."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+TOOLS = Path(__file__).parents[1] / "tools"
+SOURCED = ". $TOOLS/setup_steps.sh; . $TOOLS/setup_python.sh; . $TOOLS/setup_system.sh; "
+
+
+def shell(script: str, folder: Path, **variables: str) -> subprocess.CompletedProcess[str]:
+    """Run a script with setup's functions, as `set -u` would, in a checkout at a folder."""
+    names = {"TOOLS": str(TOOLS), "root": str(folder), "venv": f"{folder}/.venv", "stamps": f"{folder}/.setup"}
+    defaults = {"ros": "wheels", "for_tests": "", "lacking": "", "PYTHON": ""}
+    return subprocess.run(
+        ["bash", "-uc", SOURCED + script],
+        env={"PATH": os.environ["PATH"], **defaults, **names, **variables},
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        stdin=subprocess.DEVNULL,
+        timeout=60,
+    )
+
+
+def program(path: Path, lines: str) -> Path:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(f"#!/bin/bash\n{lines}\n")
+    path.chmod(0o755)
+    return path
+
+
+def test_a_supported_python_is_taken(tmp_path):
+    found = shell("find_python", tmp_path, PYTHON=sys.executable)
+    assert (found.returncode, found.stdout.strip()) == (0, sys.executable)
+
+
+@pytest.mark.parametrize("version", ["3.10.13", "3.14.2"])
+def test_a_python_that_will_not_do_is_named_with_those_that_will(tmp_path, version):
+    python = program(tmp_path / "python3", f'[ "$1" = -V ] && echo "Python {version}" || exit 1')
+    found = shell("find_python", tmp_path, PYTHON=str(python))
+    assert found.returncode == 1 and not found.stdout
+    assert found.stderr == (
+        f"error: Python 3.11, 3.12 or 3.13 is needed; {python} is Python {version}; "
+        "install one or name it with PYTHON=/path/to/python3\n"
+    )
+
+
+@pytest.fixture
+def no_rights(tmp_path: Path) -> dict[str, str]:
+    """An ordinary user whose sudo asks for a password."""
+    program(tmp_path / "bin/id", "echo 1001")
+    program(tmp_path / "bin/sudo", "exit 1")
+    program(tmp_path / "bin/apt-get", "exit 99")
+    return {"PATH": f"{tmp_path}/bin:{os.environ['PATH']}"}
+
+
+def test_without_rights_the_administrators_line_is_said_and_setup_goes_on(tmp_path, no_rights):
+    done = shell('install_system_packages libgl1 cmake; echo "lacking: $lacking"', tmp_path, **no_rights)
+    assert done.returncode == 0
+    assert done.stdout == "lacking: libgl1 cmake\n"
+    assert done.stderr.endswith("an administrator does it with: apt-get install -y libgl1 cmake\n")
+
+
+def test_proxies_survive_sudo(tmp_path, no_rights):
+    program(tmp_path / "bin/sudo", '[ "$*" = "-n true" ] || printf "%s\n" "$*" >>$stamps/asked')
+    (tmp_path / ".setup").mkdir()
+    done = shell("install_system_packages cmake", tmp_path, **no_rights, https_proxy="http://proxy.invalid:3128")
+    assert done.returncode == 0, done.stderr
+    update, install = (tmp_path / ".setup/asked").read_text().splitlines()
+    for line in (update, install):
+        assert line.startswith("-n env DEBIAN_FRONTEND=noninteractive https_proxy=http://proxy.invalid:3128 apt-get")
+    assert install.endswith("install -y --no-install-recommends cmake")
+
+
+def test_the_browser_is_asked_for_by_the_tests_alone(tmp_path):
+    nothing = program(tmp_path / "bin/true", "").parent  # neither a browser nor a compiler here
+    for program_name in ("grep", "dirname", "cut"):
+        (nothing / program_name).symlink_to(f"/usr/bin/{program_name}")
+    (nothing / "bash").symlink_to("/bin/bash")
+    asked = [
+        shell("missing_system_packages", tmp_path, PATH=str(nothing), for_tests=for_tests).stdout.split()
+        for for_tests in ("", "1")
+    ]
+    assert "cmake" in asked[0] and "chromium" not in asked[0]
+    assert set(asked[1]) - set(asked[0]) <= {"chromium"}  # where the system is Debian
+
+
+def test_a_moved_virtual_environment_is_repaired(tmp_path):
+    here, there = tmp_path / "here", tmp_path / "there"
+    subprocess.run([sys.executable, "-m", "venv", "--without-pip", str(here / ".venv")], check=True)
+    tool = here / ".venv/bin/tool"
+    tool.write_text(f"#!{here}/.venv/bin/python\nimport sys\nprint(sys.prefix)\n")
+    tool.chmod(0o755)
+    (here / "build").mkdir()
+    here.rename(there)
+    broken = subprocess.run(f"{there}/.venv/bin/tool", shell=True, capture_output=True, text=True)
+    assert broken.returncode != 0
+    done = shell(f"repair_moved_venv {here}", there)
+    assert done.returncode == 0, done.stderr
+    repaired = subprocess.run([there / ".venv/bin/tool"], capture_output=True, text=True, check=True)
+    assert repaired.stdout == f"{there}/.venv\n"
+    assert not (there / "build").exists()
+    assert str(here) not in (there / ".venv/bin/activate").read_text()
