@@ -60,7 +60,7 @@ class ActionRun:
         return self._ended(go, Outcome.SUCCEEDED)
 
     def recover(self) -> ActionResult:
-        """Rise from wherever the arm is, and move to the ready pose; what is held stays held."""
+        """Move up from wherever the arm is, then to the ready pose; what is held stays held."""
 
         def go() -> str:
             self._go_back()

@@ -33,7 +33,7 @@ class Approvals:
             return self._waiting
 
     def approve(self, plan_id: str) -> tuple[bool, str]:
-        """Approve the plan of that id; return whether that one waits, and a sentence."""
+        """Take an approval of the plan of that id; return whether that one waits, and a sentence."""
         with self._changed:
             if not self._waiting:
                 return False, "no plan waits for approval"

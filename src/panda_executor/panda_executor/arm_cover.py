@@ -31,7 +31,7 @@ class ArmCover:
 
     @classmethod
     def of_links(cls, model: pin.Model, geometry: pin.GeometryModel, links: tuple[str, ...]) -> ArmCover:
-        """Cover the hulls of the named links, as the description calls them."""
+        """Make the spheres of the named links' hulls; names as the description has them."""
         joints: list[int] = []
         spheres: list[tuple[FloatArray, float]] = []
         for item in geometry.geometryObjects:

@@ -14,7 +14,7 @@ from panda_model import ArmModel, HandModel, JointLimits
 
 
 class AfterFailure(Enum):
-    """What the arm does once it stands still after a motion or the gripper failed.
+    """The arm's behaviour once it stands still after a motion or the gripper failed.
 
     STAY: nothing. KEEP: rise and go to the ready pose, with what it holds. OPEN: let go first.
     """

@@ -70,7 +70,7 @@ class Guard:
         return self._since_motion < self.config.still_for
 
     def tick(self, now: float) -> Fault | None:
-        """Advance to a steady time [s]; return the fault for which everything is to be cancelled now, or None."""
+        """Return the fault for which everything is to be cancelled at steady time `now` [s], or None."""
         passed = self._period if self._last_tick is None else now - self._last_tick
         self._last_tick = now
         passed = min(passed, 2.0 * self._period)

@@ -1,4 +1,4 @@
-"""What the hand holds, as far as its width tells."""
+"""The hand's content, as far as its width tells."""
 
 from __future__ import annotations
 

@@ -55,9 +55,8 @@ class ExecutorNode(Node):
         super().__init__("panda_executor")
         parameters = read_parameters(self)
         robot = parameters.robot
-        self._joints = JointTracker(
-            robot.arm_joints, robot.finger_joints, parameters.max_joint_age, parameters.max_ahead
-        )
+        ages = parameters.max_joint_age, parameters.max_ahead
+        self._joints = JointTracker(robot.arm_joints, robot.finger_joints, *ages)
         self.gate = Gate(lambda: self._joints.is_still(self._now_ns()))
         self._clouds = CloudCache(parameters.max_cloud_age, parameters.cloud_behind, parameters.max_ahead)
         self._camera = CameraPlace(robot.base_frame)
@@ -137,10 +136,9 @@ class ExecutorNode(Node):
 
     def _on_goal(self, _: PickPlace.Goal) -> GoalResponse:
         refusal = self.gate.enter()
-        if refusal is None:
-            return GoalResponse.ACCEPT
-        self.get_logger().warning(f"goal rejected: {refusal}")
-        return GoalResponse.REJECT
+        if refusal is not None:
+            self.get_logger().warning(f"goal rejected: {refusal}")
+        return GoalResponse.ACCEPT if refusal is None else GoalResponse.REJECT
 
     def _execute(self, handle: ServerGoalHandle) -> PickPlace.Result:
         try:

@@ -1,4 +1,4 @@
-"""How low spheres may come over the columns of a grid: one look-up a sphere."""
+"""Heights down to which spheres may come over the columns of a grid: one look-up a sphere."""
 
 from __future__ import annotations
 

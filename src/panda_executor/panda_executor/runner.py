@@ -70,7 +70,7 @@ class PickPlaceRunner:
         return self._without_goal(should_stop, cloud).go_ready()
 
     def recover(self, should_stop: ShouldStop = lambda: False, cloud: Cloud | None = None) -> ActionResult:
-        """Rise, and go to the ready pose as `go_ready` does; what is held stays held."""
+        """Move up, then to the ready pose as `go_ready` does; what is held stays held."""
         return self._without_goal(should_stop, cloud).recover()
 
     def open(self, should_stop: ShouldStop = lambda: False) -> ActionResult:

@@ -20,7 +20,7 @@ _NEAR_CAMERA = ("link2", *_OVER_TABLE)
 
 
 class UnseenRule(Enum):
-    """What counts as free for the arm's links where the camera saw nothing.
+    """The rule by which space that the camera did not see is free for the arm's links.
 
     FREE: all of it. SHADOW: not what lies behind something, below the camera's line of sight over it. For the hand and
     its load all of it is free: with one camera, the far side of every object is unseen.

@@ -62,19 +62,20 @@ class ExecutorLink:
         if handle is not None:
             handle.cancel_goal_async()
 
-    def stop(self) -> None:
-        """Call the executor's own, latching stop."""
-        self._call(self._stop)
+    def stop(self) -> bool:
+        """Call the executor's own, latching stop; return whether that service is there."""
+        return self._call(self._stop)
 
     def resume(self) -> None:
         """End the executor's stop."""
         self._call(self._resume)
 
-    def _call(self, client: Any) -> None:
+    def _call(self, client: Any) -> bool:
         if client.service_is_ready():
             client.call_async(Trigger.Request())
-        else:
-            self._node.get_logger().warning(f"service {client.srv_name} is not there: is the executor running?")
+            return True
+        self._node.get_logger().warning(f"service {client.srv_name} is not there: is the executor running?")
+        return False
 
     def _on_heartbeat(self, _: Empty) -> None:
         if self._server:
