@@ -26,7 +26,7 @@ class GuardConfig:
     on the arm moves [rad]; still_for: without such a change it stands still; repeat: between two cancels of one fault.
     """
 
-    silence: float = 0.25
+    silence: float = 0.2
     joint_silence: float = 0.3
     max_age: float = 0.5
     max_ahead: float = 0.25

@@ -75,7 +75,7 @@ class ExecutorNode(Node):
         description = load_description(robot, parameters.robot_description)
         if description.notice:
             self.get_logger().warning(description.notice)
-        model = PandaModel(robot, description=description)
+        model = PandaModel(robot, parameters.self_clearance, description)
         planner = TransferPlanner(model, parameters.config)
         return PickPlaceRunner(model, planner, self._controllers.arm, self._controllers.gripper)
 

@@ -19,7 +19,8 @@ if TYPE_CHECKING:
 class NodeParameters:
     """Values of the node's parameters; ages and waits in s.
 
-    require_approval: whether each plan waits for its approval, for at most approval_time.
+    require_approval: whether each plan waits for its approval, for at most approval_time; self_clearance: between links
+    of the arm [m].
 
     robot_description: the user's own URDF, as a path or as XML; empty: the preset's.
     """
@@ -35,6 +36,7 @@ class NodeParameters:
     max_ahead: float
     require_approval: bool
     approval_time: float
+    self_clearance: float
     watch: ArmWatch
 
 
@@ -71,6 +73,7 @@ def read_parameters(node: Node) -> NodeParameters:
         cloud_wait=float(get("cloud_wait", 3.0)),
         require_approval=bool(get("require_approval", False)),
         approval_time=_positive(get, "approval_time", 30.0),
+        self_clearance=_positive(get, "self_clearance", 0.03),
         max_ahead=float(get("max_ahead", 0.25)),
         watch=_read_watch(get),
     )

@@ -106,6 +106,18 @@ def test_a_jump_between_points_is_a_limit_broken(good: JointTrajectory, free_sce
     refuse(replace(good, positions=positions), free_scene, "times its (velocity|acceleration|jerk) limit")
 
 
+def test_limits_are_checked_at_the_controllers_rate(good: JointTrajectory, free_scene: Scene) -> None:
+    """Two points only: the acceleration between them is highest at 0.21 of the way, where few samples would not be."""
+    still = np.zeros((2, 7))
+    ends = good.positions[[0, -1]]
+    motion = replace(good, times=good.times[[0, -1]], positions=ends, velocities=still, accelerations=still)
+    peak = np.abs(motion.sample(np.arange(0.0, motion.duration, 1e-3))[2]).max(axis=0)
+    refusing, passing = (replace(PANDA_LIMITS, acceleration=np.maximum(peak, 1e-6) / share) for share in (1.03, 1.01))
+    with pytest.raises(TrajectoryError, match="times its acceleration limit"):
+        validate_trajectory(motion, refusing, free_scene)
+    validate_trajectory(motion, passing, free_scene)
+
+
 def test_a_way_through_the_table(planner: TransferPlanner, model: PandaModel, free_scene: Scene) -> None:
     below, _ = planner.ik.refine(hand_down_pose(0.5, 0.0, -0.03, 0.0), READY_POSITIONS)
     motion = time_path(np.stack([READY_POSITIONS, below]), PANDA_LIMITS.scaled(0.5, 0.5, 0.5), model, 1.0)
