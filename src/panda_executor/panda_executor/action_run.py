@@ -17,6 +17,7 @@ from panda_executor.drag import plan_drag
 from panda_executor.errors import ExecutorError, GraspError, PlanningError, RequestError
 from panda_executor.hand_geometry import HandShape
 from panda_executor.motions import Motion
+from panda_executor.object_moved import vacated_share
 from panda_executor.phase import Phase
 from panda_executor.request_check import check_cloud, check_poses, check_positions, check_reach, check_table
 from panda_executor.run_commands import EarlyEnd, LoadLost, RunCommands
@@ -26,6 +27,7 @@ from panda_model.limits import FloatArray
 
 Cloud = npt.NDArray[np.float32]
 CloudSource = Callable[[], Cloud]
+Look = Callable[[], Cloud | None]  # the newest cloud, None where none came since the last one
 
 
 class ActionRun:
@@ -38,7 +40,9 @@ class ActionRun:
         goal: ActionGoal,
         cloud_source: CloudSource,
         workspace: WorkspaceSpec,
+        look: Look = lambda: None,
     ) -> None:
+        self._look = look
         self._planner, self._commands, self._config = planner, commands, commands.config
         self._goal, self._action = goal, goal.action
         self._cloud_source, self._workspace = cloud_source, workspace
@@ -163,6 +167,7 @@ class ActionRun:
             return f"planned {len(plan.motions)} motions of {duration:.1f} s in all; nothing moved"
         commands.await_approval()
         commands.move(plan.go_above)
+        self._look_again(plan)
         commands.enter(Phase.DESCEND)
         commands.move_fingers(plan.grasp.opening, self._config.open_force)
         commands.move(plan.descend)
@@ -180,6 +185,20 @@ class ActionRun:
         commands.move(plan.retreat)
         commands.enter(Phase.DONE)
         return "the object was placed"
+
+    def _look_again(self, plan: PickPlacePlan) -> None:
+        """Go back where the object is seen to have left its place while the arm was under way."""
+        cloud = self._look()
+        if cloud is None:
+            return
+        share = vacated_share(cloud, plan.grasp)
+        if share > self._config.moved_share:
+            self._give_up(
+                self._config.hand.opening,
+                None,
+                f"the object moved while the arm was under way: {100.0 * share:.0f} % of its place is empty "
+                f"(at most {100.0 * self._config.moved_share:.0f} %)",
+            )
 
     def _drag(self, start: FloatArray) -> str:
         commands = self._commands

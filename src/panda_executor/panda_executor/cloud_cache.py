@@ -45,6 +45,12 @@ class CloudCache:
         with self._lock:
             return float("inf") if self._raw is None else (now_ns - self._stamp_ns) * 1e-9
 
+    def newest(self, now_ns: int) -> bytes | None:
+        """Return the newest cloud, serialized, whatever it shows; None where none came lately."""
+        with self._lock:
+            age = (now_ns - self._stamp_ns) * 1e-9
+            return self._raw if -self._max_ahead <= age <= self._max_age else None
+
     def get(self, now_ns: int, goal_stamp_ns: int, still_since_ns: int) -> bytes:
         """Return the newest cloud, serialized, if it shows the table as it is now.
 

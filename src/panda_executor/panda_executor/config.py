@@ -24,14 +24,23 @@ class AfterFailure(Enum):
     OPEN = "open"
 
 
+class SearchAlgorithm(Enum):
+    """The algorithms that a path may be searched with: the paper's, and a quicker one that takes the first way."""
+
+    RRT_STAR = "rrt_star"
+    RRT_CONNECT = "rrt_connect"
+
+
 @dataclass(frozen=True)
 class SearchConfig:
-    """Bounds of a search with RRT*.
+    """Bounds of a search; the path that it finds is shortened.
 
     time_limit: seconds at most; max_checks: validity checks at most; step: the longest [rad]; goal_bias: share of
     samples at the goal; margin: how far a joint may leave the range between start and goal [rad]; shortcuts: attempts
     to shorten the path that was found; seed: of the samples.
     """
+
+    algorithm: SearchAlgorithm = SearchAlgorithm.RRT_STAR
 
     time_limit: float = 1.0
     max_checks: int = 4000
@@ -67,7 +76,8 @@ class ExecutorConfig:
     [rad]; missed_width: fingers closer than this hold nothing [m]; grip_force, open_force [N];
     start_tolerance: how far the arm may be measured from a motion's planned start [rad]; planning_time: a request
     that takes longer to plan is given up [s]; centre_grasp: whether the middle of what is held goes to the place; else
-    it ends as far from there as the pick was off.
+    it ends as far from there as the pick was off; moved_share: an object is looked for anew before the hand goes down
+    to it when this share of its cells is seen to be empty.
     """
 
     scene: SceneConfig = field(default_factory=SceneConfig)
@@ -87,6 +97,7 @@ class ExecutorConfig:
     planning_time: float = 4.0
     centre_grasp: bool = True
     after_failure: AfterFailure = AfterFailure.KEEP
+    moved_share: float = 0.5
 
     @classmethod
     def for_arm(cls, arm: ArmModel) -> ExecutorConfig:

@@ -105,14 +105,23 @@ class GoalSession:
         except GoalError as error:
             raise RequestError(str(error)) from None
 
+        planned_on: list[bytes] = []
+
+        def look() -> npt.NDArray[np.float32] | None:
+            newest = self._clouds.newest(self._now_ns())
+            return None if newest is None or newest in planned_on else conversions.cloud_from_raw(newest, frame)
+
         def cloud() -> npt.NDArray[np.float32]:
             raw = self._fresh_cloud(goal.stamp_ns, should_stop)
+            planned_on.append(raw)
             # A cloud has come, so perception knows where the camera is: what says it is on its way to here, too.
             self._runner.planner.place_camera(self._patiently(self._camera.position, should_stop))
             return conversions.cloud_from_raw(raw, frame)
 
         try:
-            return self._runner.run(goal, cloud, self._parameters.workspace, on_phase, should_stop, await_approval)
+            return self._runner.run(
+                goal, cloud, self._parameters.workspace, on_phase, should_stop, await_approval, look
+            )
         finally:
             self._still_since_ns = self._now_ns()
 

@@ -1,4 +1,4 @@
-"""Paths in joint space: the straight line where it is free, RRT* with simplification elsewhere."""
+"""Paths in joint space: the straight line where it is free, a search with simplification elsewhere."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from ompl import base, geometric, util
 
 from panda_executor.budget import Budget
-from panda_executor.config import SearchConfig
+from panda_executor.config import SearchAlgorithm, SearchConfig
 from panda_executor.errors import PlanningError
 from panda_executor.scene import Scene
 from panda_model.limits import ARM_DOF, FloatArray
@@ -55,12 +55,12 @@ def find_path(
             raise PlanningError(f"the motion cannot {name} there: {problem}")
     if line_is_free(scene, start, goal):
         return np.stack([start, goal])
-    path = _RrtStar(scene, config, clock, budget, np.stack([start, goal])).solve(start, goal)
+    path = _Search(scene, config, clock, budget, np.stack([start, goal])).solve(start, goal)
     budget.check()
     return path
 
 
-class _RrtStar:
+class _Search:
     """One search; OMPL's objects live as long as it does.
 
     It looks around its ends (2, 7) only: ways round what stands on a table need no more, and in the whole range
@@ -105,12 +105,19 @@ class _RrtStar:
             state[joint] = float(positions[joint])
         return state
 
+    def _planner(self) -> base.Planner:
+        if self._config.algorithm is SearchAlgorithm.RRT_CONNECT:
+            planner = geometric.RRTConnect(self._information)
+        else:
+            planner = geometric.RRTstar(self._information)
+            planner.setGoalBias(self._config.goal_bias)
+        planner.setRange(self._config.step)
+        return planner
+
     def solve(self, start: FloatArray, goal: FloatArray) -> FloatArray:
         problem = base.ProblemDefinition(self._information)
         problem.setStartAndGoalStates(self._state(start), self._state(goal), 1e-4)
-        planner = geometric.RRTstar(self._information)
-        planner.setRange(self._config.step)
-        planner.setGoalBias(self._config.goal_bias)
+        planner = self._planner()
         planner.setProblemDefinition(problem)
         planner.setup()
         deadline = self._clock() + self._config.time_limit

@@ -10,7 +10,7 @@ from cliport_core.action import ActionGoal, PickPlaceAction
 from cliport_core.outcome import ActionResult
 from cliport_core.pose import PlanarPose
 from cliport_core.workspace import WorkspaceSpec
-from panda_executor.action_run import ActionRun, Cloud, CloudSource
+from panda_executor.action_run import ActionRun, Cloud, CloudSource, Look
 from panda_executor.config import ExecutorConfig
 from panda_executor.hand_content import HandContent
 from panda_executor.model import PandaModel
@@ -51,6 +51,7 @@ class PickPlaceRunner:
         on_phase: OnPhase = lambda phase, progress: None,
         should_stop: ShouldStop = lambda: False,
         await_approval: Callable[[], None] = lambda: None,
+        look: Look = lambda: None,
     ) -> ActionResult:
         """Run an action, or only plan it; never raises for what can go wrong on the way, the outcome says it.
 
@@ -60,10 +61,11 @@ class PickPlaceRunner:
             on_phase: called with each phase as it begins and the overall progress 0..1.
             should_stop: polled all the time; once true, the arm holds, a held object stays held.
             await_approval: called once the action is planned; returns when it may be executed, or raises RequestError.
+            look: returns a cloud that came since the planned one, or None; asked for before the hand goes down.
         """
         source = cloud if callable(cloud) else lambda: cloud
         commands = self._commands(on_phase, should_stop, await_approval)
-        return ActionRun(self.planner, commands, goal, source, workspace).result()
+        return ActionRun(self.planner, commands, goal, source, workspace, look).result()
 
     def go_ready(self, should_stop: ShouldStop = lambda: False, cloud: Cloud | None = None) -> ActionResult:
         """Move to the ready pose, out of the camera's view, avoiding itself, table, post, and what `cloud` shows."""

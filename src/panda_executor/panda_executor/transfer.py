@@ -167,13 +167,14 @@ class TransferPlanner:
                 budget.check(reason)
                 try:
                     plan = attempts.plan(grasp, flip, rest, rest_grid)
-                    budget.check()
-                    on_phase(Phase.GRASP_PLANNING, 1.0)
-                    return plan
                 except BudgetSpentError:
                     raise
                 except ExecutorError as error:
                     reason = reason or str(error)
+                    continue
+                budget.check()
+                on_phase(Phase.GRASP_PLANNING, 1.0)
+                return plan
         raise PlanningError(reason)
 
     def _flips(self, grasp: Grasp, start: FloatArray) -> list[float]:

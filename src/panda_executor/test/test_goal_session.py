@@ -69,7 +69,7 @@ class Session:
         self._session = GoalSession(self, self.clouds, camera, parameters, self.gate, lambda: int(self.now * S))  # type: ignore[arg-type]
 
     def run(
-        self, request: Any, cloud: Any, workspace: Any, on_phase: Any, should_stop: Any, approve: Any
+        self, request: Any, cloud: Any, workspace: Any, on_phase: Any, should_stop: Any, approve: Any, look: Any
     ) -> ActionResult:
         """The runner."""
         cloud()
