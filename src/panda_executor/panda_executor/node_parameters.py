@@ -100,6 +100,8 @@ def _read_config(get: Any, robot: ArmModel) -> ExecutorConfig:
         if not 0.0 < value <= 1.0:
             raise ExecutorError(f"{name} must be in (0, 1], got {value:g}")
         timing[name] = value
+    for name in ("tcp_speed", "tcp_speed_near"):
+        timing[name] = _positive(get, name, getattr(config.timing, name))
     force = float(get("grip_force", config.grip_force))
     if not 0.0 < force <= robot.hand.allowed_force:
         raise ExecutorError(f"grip_force must be in (0, {robot.hand.allowed_force:g}] N, got {force:g}")
