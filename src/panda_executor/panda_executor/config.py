@@ -40,7 +40,7 @@ class SearchConfig:
     to shorten the path that was found; seed: of the samples.
     """
 
-    algorithm: SearchAlgorithm = SearchAlgorithm.RRT_STAR
+    algorithm: SearchAlgorithm = SearchAlgorithm.RRT_CONNECT
 
     time_limit: float = 1.0
     max_checks: int = 4000

@@ -61,6 +61,7 @@ class Gate:
         """Note that the request is over."""
         with self._lock:
             self._busy = False
+            self._moving = self._moving and not self._at_rest()
 
     def latch(self, why: str) -> None:
         """Stop what runs and let nothing start until `release`."""

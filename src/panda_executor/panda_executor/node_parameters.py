@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from cliport_core.workspace import WorkspaceSpec
 from panda_executor.arm_watch import ArmWatch
-from panda_executor.config import ExecutorConfig
+from panda_executor.config import ExecutorConfig, SearchAlgorithm, SearchConfig
 from panda_executor.errors import ExecutorError
 from panda_model import DEFAULT_PRESET, ArmModel, load_preset
 
@@ -92,6 +92,16 @@ def _positive(get: Any, name: str, default: float) -> float:
     return value
 
 
+def _read_search(get: Any, default: SearchConfig) -> SearchConfig:
+    name = str(get("search", default.algorithm.value))
+    try:
+        algorithm = SearchAlgorithm(name)
+    except ValueError:
+        known = ", ".join(algorithm.value for algorithm in SearchAlgorithm)
+        raise ExecutorError(f"unknown search '{name}'; known are {known}") from None
+    return replace(default, algorithm=algorithm, seed=int(get("seed", default.seed)))
+
+
 def _read_config(get: Any, robot: ArmModel) -> ExecutorConfig:
     config = ExecutorConfig.for_arm(robot)
     timing = {}
@@ -113,5 +123,5 @@ def _read_config(get: Any, robot: ArmModel) -> ExecutorConfig:
         scene=scene,
         table=replace(config.table, tolerance=_positive(get, "table_tolerance", config.table.tolerance)),
         grip_force=force,
-        search=replace(config.search, seed=int(get("seed", config.search.seed))),
+        search=_read_search(get, config.search),
     )

@@ -73,6 +73,7 @@ class _Search:
         util.RNG.setSeed(config.seed)
         self._scene, self._config, self._clock, self._budget = scene, config, clock, budget
         self._checks = 0
+        self._searching = True
         lower = np.maximum(scene.model.limits.lower, ends.min(axis=0) - config.margin)
         upper = np.minimum(scene.model.limits.upper, ends.max(axis=0) + config.margin)
         space = base.RealVectorStateSpace(ARM_DOF)
@@ -91,6 +92,8 @@ class _Search:
 
     def _is_valid(self, state: base.State) -> bool:
         self._checks += 1
+        if self._searching and self._checks > self._config.max_checks:
+            return False
         if self._budget.is_spent():  # also ends the shortening of a path that was found
             return False
         return self._scene.is_valid(self._positions(state))
@@ -131,6 +134,7 @@ class _Search:
             return self._checks > enough or self._clock() > deadline
 
         planner.solve(base.PlannerTerminationCondition(done))
+        self._searching = False
         self._budget.check()
         if not problem.hasExactSolution():
             raise PlanningError(

@@ -14,7 +14,7 @@ from cliport_core.action import PickPlaceAction, Primitive
 from cliport_core.pose import PlanarPose
 from cliport_core.workspace import WorkspaceSpec
 from panda_executor.budget import Budget
-from panda_executor.config import SearchConfig
+from panda_executor.config import SearchAlgorithm, SearchConfig
 from panda_executor.drag import plan_drag
 from panda_executor.errors import GraspError, PlanningError
 from panda_executor.hand_geometry import HandShape
@@ -107,11 +107,12 @@ def test_ends_that_touch_are_named(planner: TransferPlanner, walled: Scene) -> N
         find_path(walled, free, inside, SearchConfig())
 
 
-def test_the_search_ends_at_its_bounds(planner: TransferPlanner, walled: Scene) -> None:
+@pytest.mark.parametrize("algorithm", list(SearchAlgorithm))
+def test_the_search_ends_at_its_bounds(planner: TransferPlanner, walled: Scene, algorithm: SearchAlgorithm) -> None:
     start, goal = (above(planner, 0.5, y, 0.08) for y in (-0.2, 0.2))
     for config, clock in (
-        (SearchConfig(max_checks=20, time_limit=60.0), lambda: 0.0),
-        (SearchConfig(), iter(range(0, 100000, 5)).__next__),
+        (SearchConfig(algorithm, max_checks=20, time_limit=60.0), lambda: 0.0),
+        (SearchConfig(algorithm), iter(range(0, 100000, 5)).__next__),
     ):
         with pytest.raises(PlanningError, match=r"no way round .* in \d+ checks"):
             find_path(walled, start, goal, config, clock)
