@@ -20,5 +20,11 @@ setup(
     description="Camera model, point clouds and the top-down heightmap that CLIPort's policy observes.",
     license="Apache-2.0",
     tests_require=["pytest"],
-    entry_points={"console_scripts": ["perception = cliport_perception.node:main"]},
+    entry_points={
+        "console_scripts": [
+            "perception = cliport_perception.node:main",
+            "calibrate = cliport_perception.calibration.cli:main",
+            "camera_pose = cliport_perception.calibration.node_camera_pose:main",
+        ]
+    },
 )

@@ -3,12 +3,13 @@ from xml.etree import ElementTree
 from setuptools import find_packages, setup
 
 package_name = "cliport_policy"
+_DATA = ["configs/*.yaml", "mixtures/*.yaml", "data/*.yaml", "color_heads/*.safetensors"]
 
 setup(
     name=package_name,
     version=ElementTree.parse("package.xml").findtext("version"),
     packages=find_packages(exclude=["test"]),
-    package_data={package_name: ["py.typed", "weights/*.safetensors", "weights/*.json", "configs/*.yaml"]},
+    package_data={package_name: ["py.typed", "weights/*.safetensors", "weights/*.json", *_DATA]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{package_name}"]),
         (f"share/{package_name}", ["package.xml"]),
@@ -24,6 +25,7 @@ setup(
             "calibrate = cliport_policy.calibrate:main",
             "dataset = cliport_policy.dataset:main",
             "explain = cliport_policy.explain:main",
+            "fit_color_words = cliport_policy.color_words:main",
             "offline = cliport_policy.offline:main",
             "reliability = cliport_policy.reliability:main",
             "server = cliport_policy.node:main",

@@ -20,5 +20,11 @@ setup(
     description="Grasp, motion planning and execution of pick and place for a Panda.",
     license="Apache-2.0",
     tests_require=["pytest"],
-    entry_points={"console_scripts": ["executor = panda_executor.main:main", "guard = panda_executor.node_guard:main"]},
+    entry_points={
+        "console_scripts": [
+            "executor = panda_executor.main:main",
+            "guard = panda_executor.node_guard:main",
+            "hand_frame = panda_executor.node_hand_frame:main",
+        ]
+    },
 )

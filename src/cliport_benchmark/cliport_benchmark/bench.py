@@ -57,6 +57,7 @@ def bench_camera_and_action() -> list[Row]:
 
     render_*: one window of the image on one thread, as data is generated, of a scene that stays and of ever new looks.
     """
+    from cliport_benchmark.bench_perception import frame_calls
     from cliport_benchmark.observer import Observer
     from cliport_benchmark.variation import Variation
     from cliport_perception.heightmap_builder import HeightmapBuilder
@@ -84,7 +85,7 @@ def bench_camera_and_action() -> list[Row]:
 
     rows = [
         timed("action_compact", lambda: policy.infer(heightmap, task.instruction), 30),
-        timed("heightmap_960x540", lambda: builder.build(frame.color, frame.depth), 50),
+        *(timed(*call) for call in frame_calls(frame, builder)),
         timed("render_960x540", lambda: camera.capture(world, rng), 30),
         timed("render_960x540_no_noise", lambda: perfect.capture(world, rng), 30),
         timed("render_window", lambda: still.frame(world), 30),

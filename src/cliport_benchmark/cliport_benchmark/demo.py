@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from cliport_benchmark.errors import BenchmarkError
-from cliport_benchmark.graph_client import OVERLAYS, Ended, GraphClient
+from cliport_benchmark.graph_client import OVERLAYS, GraphClient
+from cliport_benchmark.graph_episode import Played, play_episode
 from cliport_benchmark.graph_process import GraphProcess
 from cliport_core.command_line import CommandParser
 from cliport_core.errors import InstructionError
@@ -20,7 +21,8 @@ from cliport_core.instruction import normalized_instruction
 from cliport_interfaces.msg import PolicyStatus
 
 READY_TIMEOUT = 120.0
-GOAL_TIMEOUT = 200.0
+GOAL_TIMEOUT = 200.0  # of one sentence [s]
+EPISODE_TIMEOUT = 900.0  # of a task [s]: twenty actions
 GIF_SIZE = (480, 270)
 GIF_EVERY_S = 0.4
 GIF_SPEEDUP = 2.0
@@ -69,7 +71,7 @@ def main(argv: list[str] | None = None) -> int:
         print("error: interrupted", file=sys.stderr)
         return 130
     success = score >= 1.0
-    if not ended.succeeded:
+    if not ended.ended_well:
         print(f"demo: the policy ended with: {ended.message}")
     print(
         f"demo: {'success' if success else 'failure'} task={args.task} seed={args.seed} "
@@ -88,7 +90,7 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _run(args: argparse.Namespace, out: Path) -> tuple[float, Ended]:
+def _run(args: argparse.Namespace, out: Path) -> tuple[float, Played]:
     _say(f"starting the graph (its output: {out}/graph.log)")
     arguments = {"task": args.task, "split": "test", "seed": str(args.seed), "checkpoint": args.checkpoint}
     film = Film()
@@ -104,7 +106,11 @@ def _run(args: argparse.Namespace, out: Path) -> tuple[float, Ended]:
             _say(f"instruction: {instruction}")
             client.on_status = _StatusPrinter()
             client.on_frame = film.take
-            ended = client.instruct_and_wait(instruction, GOAL_TIMEOUT, lambda: graph.healthy)
+            if args.instruction:
+                asked = client.instruct_and_wait(instruction, GOAL_TIMEOUT, lambda: graph.healthy)
+                ended = Played(0.0, asked.steps, asked.message, (instruction,), asked.succeeded)
+            else:
+                ended = play_episode(client, instruction, client.max_steps, EPISODE_TIMEOUT)
             time.sleep(1.0)  # the last block comes to rest
             score = client.score()
         except BenchmarkError as error:

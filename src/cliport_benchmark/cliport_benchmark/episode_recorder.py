@@ -9,7 +9,7 @@ import numpy as np
 from cliport_benchmark.observer import Observer
 from cliport_core import PickPlaceAction, Primitive, WorkspaceSpec
 from cliport_core.errors import PixelOutsideError
-from cliport_policy.data.dataset_format import Demo, Row
+from cliport_policy.data.dataset_format import Demo, Row, SeenThing
 from sim_bridge.rendering.camera import RgbdFrame
 from sim_bridge.tasks import Task
 from sim_bridge.world import SimWorld
@@ -56,8 +56,9 @@ def record_episode(
             others = _other_demos(task, said, rng, goals_per_scene - 1, observer.workspace)
         except PixelOutsideError:
             return None
-        heightmap = observer.heightmap(frame)
-        rows.append(Row(task.name, task.split.value, seed, episode, step, heightmap, (own, *others)))
+        demos = (own, *others, *_reached_before(task, said))
+        things = tuple(seen_things(world, observer.workspace))
+        rows.append(Row(task.name, task.split.value, seed, episode, step, observer.heightmap(frame), demos, things))
         if action is None:
             break
         hand.execute(action, frame)
@@ -73,6 +74,25 @@ def _other_demos(task: Task, said: str, rng: np.random.Generator, at_most: int, 
     goals = [goal for goal in task.goals_in_scene() if goal.sentence != said]
     chosen = [goals[i] for i in rng.permutation(len(goals))[:at_most]]
     return [_demo(g.sentence, task.expert_action_for(g), task.primitive, workspace) for g in chosen]
+
+
+def _reached_before(task: Task, said: str) -> list[Demo]:
+    """Return what shows a policy that a goal is reached, though the episode goes on with another one."""
+    primitive = task.primitive.label
+    return [Demo(sentence, done=True, primitive=primitive) for sentence in task.sentences_done if sentence != said]
+
+
+def seen_things(world: SimWorld, workspace: WorkspaceSpec) -> list[SeenThing]:
+    """Return everything that lies on a world's table, in the order in which it was put there."""
+    found = []
+    for thing in world.objects:
+        red, green, blue = thing.rgb
+        try:
+            row, col = workspace.xy_to_pixel(*map(float, world.object_xy(thing)))
+        except PixelOutsideError:
+            row, col = -1, -1
+        found.append(SeenThing(thing.name, thing.color, red << 16 | green << 8 | blue, row, col))
+    return found
 
 
 def _demo(sentence: str, action: PickPlaceAction | None, primitive: Primitive, workspace: WorkspaceSpec) -> Demo:

@@ -115,7 +115,7 @@ class Evaluator:
             return Discarded(seed, str(error))
 
     def _sentence(self, task: Task, index: int) -> str:
-        if self.config.is_reworded:
+        if self.config.is_reworded and task.sentence_slots:
             return self.config.wording.sentence(task.sentence_pattern, task.sentence_slots, index)
         return task.instruction
 

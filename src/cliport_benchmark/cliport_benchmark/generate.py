@@ -125,8 +125,11 @@ def generate(
     processes: int,
     provenance: dict[str, Any],
     on_part: Callable[[PartReport, int], None],
+    first_parts: int | None = None,
 ) -> None:
     """Make the parts that the folder still lacks; on_part(report, parts left) hears of each.
+
+    first_parts: only so many from the first on, None for all.
 
     Raises:
         DataFolderError: when the folder holds other data or cannot be written.
@@ -134,7 +137,8 @@ def generate(
     """
     config.setup.check_room(config.task, config.split, config.first_seed)
     _open_folder(config, folder, provenance)
-    missing = [i for i in range(config.n_parts) if not part_path(folder, i).exists()]
+    wanted = config.n_parts if first_parts is None else min(first_parts, config.n_parts)
+    missing = [i for i in range(wanted) if not part_path(folder, i).exists()]
     if not missing:
         return
     work = run_parallel(partial(make_part, config, folder), missing, processes, _set_up)

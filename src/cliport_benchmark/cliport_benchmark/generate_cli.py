@@ -25,6 +25,8 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         if options.processes < 1:
             raise OptionError(f"--processes must be 1 or more, got {options.processes}")
+        if options.first_parts is not None and options.first_parts < 1:
+            raise OptionError(f"--first-parts must be 1 or more, got {options.first_parts}")
         config = GenerateConfig(
             ALIASES.get(options.task, options.task),
             options.split,
@@ -37,14 +39,14 @@ def main(arguments: list[str] | None = None) -> int:
         )
         progress = _Progress(config)
         provenance = {"command": command_line("generate", argv), **source_state().to_dict()}
-        generate(config, options.out, options.processes, provenance, progress.report)
+        generate(config, options.out, options.processes, provenance, progress.report, options.first_parts)
     except (BenchmarkError, PolicyError, SimBridgeError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 1
     except KeyboardInterrupt:
         print("error: interrupted; the same command continues where this one stopped", file=sys.stderr)
         return 130
-    print(f"{config.n_parts} parts complete in {options.out}")
+    print(f"{min(options.first_parts or config.n_parts, config.n_parts)} parts complete in {options.out}")
     return 0
 
 
@@ -78,6 +80,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--episodes", type=int, required=True, help="how many scenes")
     parser.add_argument("--out", type=Path, required=True, help="folder of the data set; continued if begun")
     parser.add_argument("--processes", type=int, default=2)
+    parser.add_argument("--first-parts", type=int, help="make only the first files now; without it, the rest, too")
     parser.add_argument("--goals-per-scene", type=int, default=1, help="goals asked for in each observation")
     parser.add_argument("--mode", choices=[m.value for m in Mode], default=Mode.FAST.value)
     add_setup_options(parser)

@@ -16,13 +16,13 @@ from sensor_msgs.msg import Image, JointState
 from std_msgs.msg import String
 
 from cliport_benchmark.errors import BenchmarkError
+from cliport_benchmark.graph_episode import ENDED, Progress
 from cliport_core import topics
 from cliport_core.ros_running import SpinThread
 from cliport_interfaces.msg import PolicyStatus
 from cliport_interfaces.srv import GetScore, ResetTask
 
 LATCHED = QoSProfile(depth=20, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-ENDED = (PolicyStatus.STATE_DONE, PolicyStatus.STATE_FAILED)
 OVERLAYS = tuple(topics.AFFORDANCES.values())
 MOTION_THRESHOLD = 0.01  # rad/s
 
@@ -51,6 +51,7 @@ class GraphClient:
         self._first_motion: float | None = None
         self._last_motion = time.monotonic()
         self._watch_motion = False
+        self.max_steps = 0  # actions that the task of the last reset allows
         self.on_status: Callable[[PolicyStatus], None] = lambda _status: None
         self.on_frame: Callable[[NDArray[np.uint8]], None] = lambda _frame: None
         self._instruction = self._node.create_publisher(String, topics.INSTRUCTION, 5)
@@ -90,14 +91,24 @@ class GraphClient:
         response = self._call(self._reset, request, timeout)
         if not response.success:
             raise BenchmarkError(response.message)
+        self.max_steps = int(response.max_steps)
         return str(response.instruction)
 
     def score(self, timeout: float = 10.0) -> float:
         """Return the simulator's own metric for the scene as it is now, 0 to 1."""
+        return self.progress(timeout).score
+
+    def progress(self, timeout: float = 10.0) -> Progress:
+        """Return score, whether the task is reached, and the present sentence."""
         response = self._call(self._score, GetScore.Request(), timeout)
         if not response.success:
             raise BenchmarkError(response.message)
-        return float(response.score)
+        return Progress(float(response.score), bool(response.done), str(response.instruction))
+
+    def newest_status(self) -> PolicyStatus | None:
+        """Return the last status since the last instruction; None before there is one."""
+        with self._condition:
+            return self._statuses[-1] if self._statuses else None
 
     def instruct(self, text: str) -> None:
         """Publish an instruction; statuses seen before are forgotten."""

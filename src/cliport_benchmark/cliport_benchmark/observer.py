@@ -10,10 +10,11 @@ import numpy.typing as npt
 from cliport_benchmark.variation import Aspect, SceneLook, Variation
 from cliport_core import Heightmap
 from cliport_perception import heightmap_from_rgbd
+from cliport_perception.camera_file import CameraCalibration
 from cliport_perception.clouds import CloudBuilder, CloudRegion
 from sim_bridge.rendering.camera import CameraConfig, RgbdFrame, SimCamera
 from sim_bridge.rendering.image_window import ImageWindow
-from sim_bridge.rendering.mounting import CameraCalibration, load_camera
+from sim_bridge.rendering.mounting import load_camera
 from sim_bridge.world import SimConfig, SimWorld
 
 _BORDER = 12  # around the workspace's view, rendered too [pixels]

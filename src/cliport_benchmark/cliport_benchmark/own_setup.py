@@ -13,9 +13,10 @@ from cliport_benchmark.errors import OptionError
 from cliport_benchmark.variation import Variation
 from cliport_core import WorkspaceSpec
 from cliport_core.errors import CoreError
+from cliport_perception.camera_file import CameraCalibration
 from cliport_perception.camera_health import HealthLimits
 from sim_bridge.errors import LayoutError, PhysicsError
-from sim_bridge.rendering.mounting import CameraCalibration, load_camera
+from sim_bridge.rendering.mounting import load_camera
 from sim_bridge.scene import reset_scene
 from sim_bridge.tasks import Task
 from sim_bridge.world import SimConfig, SimWorld

@@ -1,6 +1,7 @@
 """Data generation: what is written is what was seen, the same again, and continued where it stopped."""
 
 import math
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -87,7 +88,7 @@ def test_same_settings_make_the_same_bytes(folder: Path, tmp_path: Path) -> None
 
 def test_a_row_needs_no_code_of_this_project(folder: Path) -> None:
     row = pq.read_table(part_path(folder, 0)).to_pylist()[0]
-    names = ["task", "split", "seed", "episode", "step", "color_png", "height_png", "valid_png", "demos"]
+    names = ["task", "split", "seed", "episode", "step", "color_png", "height_png", "valid_png", "demos", "things"]
     assert list(row) == names
     color, height, valid = (
         cv2.imdecode(np.frombuffer(row[name], np.uint8), cv2.IMREAD_UNCHANGED) for name in names[5:8]
@@ -126,6 +127,43 @@ def test_a_sequence_has_a_sentence_a_step_and_ends_under_its_last(tmp_path: Path
     assert [row.demos[0].done for row in rows] == [False] * (len(rows) - 1) + [True]
     frames = load_demonstrations(tmp_path).frames
     assert [frame.demos[0].instruction for frame in frames] == sentences
+
+
+def test_each_goal_of_a_sequence_is_shown_reached_and_the_things_are_listed(tmp_path: Path) -> None:
+    config = GenerateConfig(SEQUENCE, "train", 0, 1)
+    module._open_folder(config, tmp_path, {})
+    make_part(config, tmp_path, 0)
+    said: list[str] = []
+    for row in read_part(part_path(tmp_path, 0), WorkspaceSpec()):
+        own, *others = row.demos
+        done = {demo.instruction for demo in others}
+        assert all(demo.done for demo in others) and own.instruction not in done
+        assert done == set(said) - {own.instruction}
+        if not said or said[-1] != own.instruction:
+            said.append(own.instruction)
+        assert len(row.things) == 7 and {thing.name for thing in row.things} == {"stand", "block"}
+        blocks = [thing for thing in row.things if thing.name == "block"]
+        assert all(thing.rgb == int("{:02x}{:02x}{:02x}".format(*COLORS[thing.color]), 16) for thing in blocks)
+        if row.step == 0:
+            at = [row.heightmap.height[thing.row, thing.col] for thing in blocks]
+            assert min(at) > 0.03
+    assert len(said) == 6
+    frame = load_demonstrations(tmp_path).frames[0]
+    assert ("", "stand") in frame.things and len(frame.things) == 7
+
+
+def test_only_the_first_parts_are_made_when_so_asked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[list[int]] = []
+
+    def run(make: object, parts: list[int], *rest: object) -> Iterator[tuple[int, PartReport]]:
+        asked.append(parts)
+        yield from ()
+
+    monkeypatch.setattr(module, "run_parallel", run)
+    config = GenerateConfig(TASK, "train", 0, 4, episodes_per_part=1)
+    for first_parts in (3, 9, None):
+        generate(config, tmp_path / "set", 1, {}, lambda report, left: None, first_parts)
+    assert asked == [[0, 1, 2], [0, 1, 2, 3], [0, 1, 2, 3]]
 
 
 class Measuring:

@@ -1,4 +1,4 @@
-"""What the command lines of all packages share: `--version`."""
+"""Parts that the command lines of all packages share: `--version`."""
 
 from __future__ import annotations
 

@@ -11,6 +11,13 @@ _JOINERS = "\u200c\u200d"  # spelling in Persian, Hindi and others needs them
 _UNPRINTABLE = {"Cc", "Cf", "Cn", "Co", "Cs", "Zl", "Zp"}
 
 
+def asks_to_stop(instruction: str) -> bool:
+    """Return True for an empty instruction and for one that says no more than stop, halt or cancel."""
+    words = [word.strip(".,!").lower() for word in instruction.split()]
+    said = [word for word in words if word not in ("", "please", "now", "it", "that")]
+    return all(word in ("stop", "halt", "cancel") for word in said)
+
+
 def normalized_instruction(text: str) -> str:
     """Return an instruction in any script as one line with single blanks; an empty one means: stop.
 

@@ -7,7 +7,7 @@ from functools import partial
 from typing import NamedTuple
 
 from rclpy.node import Node
-from sensor_msgs.msg import CameraInfo, Image
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
 from cliport_core import topics
 from cliport_core.adaptive_subscription import AdaptiveSubscription
@@ -16,6 +16,7 @@ from cliport_core.raw_header import header_of_raw
 from cliport_core.sync import ApproximateSync
 
 SLOP_S = 0.02  # stamps that differ by no more are of one frame [s]
+_COMPRESSED = {"color": "/compressed", "depth": "/compressedDepth", "camera_info": ""}
 _TOPICS = {"color": topics.COLOR, "depth": topics.DEPTH, "camera_info": topics.CAMERA_INFO}
 
 
@@ -27,7 +28,10 @@ class RawReceived(NamedTuple):
 
 
 class RawFrame(NamedTuple):
-    """Serialized messages of one moment: Image, Image and CameraInfo. stamp_ns and frame_id are the depth image's."""
+    """Serialized messages of one moment: two images, raw or compressed, and CameraInfo.
+
+    stamp_ns and frame_id are the depth image's.
+    """
 
     color: RawReceived
     depth: RawReceived
@@ -46,8 +50,9 @@ class RgbdInput:
         on_fault: Callable[[str], None],
         on_message: Callable[[str], None] = lambda stream: None,
         slop_s: float = SLOP_S,
+        compressed: bool = False,
     ) -> None:
-        """Subscribe to the camera's topics.
+        """Subscribe to the camera's topics; compressed: to those that image_transport puts below them.
 
         on_fault: told why a match cannot be used, in one line; CoreError raised by on_frame ends there too.
         on_message: called with the stream's name, color, depth or camera_info, at every message.
@@ -59,8 +64,8 @@ class RgbdInput:
         self.subscriptions = {
             stream: AdaptiveSubscription(
                 node,
-                CameraInfo if stream == "camera_info" else Image,
-                topic,
+                CameraInfo if stream == "camera_info" else CompressedImage if compressed else Image,
+                topic + (_COMPRESSED[stream] if compressed else ""),
                 self._take_info if stream == "camera_info" else partial(self._take_image, stream),
                 raw=True,
             )

@@ -15,3 +15,7 @@ class CameraModelError(PerceptionError):
 
 class UnfitFrameError(PerceptionError):
     """A frame that must not be acted on: too old, or hardly anything of the workspace seen."""
+
+
+class CalibrationError(PerceptionError):
+    """A calibration that cannot be made, read or written: what is wrong and what to do about it."""

@@ -16,6 +16,8 @@ from cliport_perception.camera_model import CameraModel
 from cliport_perception.clouds import MARGIN, CloudBuilder, CloudRegion
 from cliport_perception.errors import UnfitFrameError
 from cliport_perception.heightmap_builder import HeightmapBuilder
+from cliport_perception.table_watch import TableLimits, TableWatch
+from cliport_perception.temporal_filter import TemporalFilter
 
 
 class FrameProducts(NamedTuple):
@@ -28,7 +30,8 @@ class FrameProducts(NamedTuple):
 class FrameProcessor:
     """Keeps the rays of the current camera and pose, and the rates: heightmap_hz and points_hz at most.
 
-    points_margin: how far beyond the workspace the cloud reaches [m].
+    points_margin: how far beyond the workspace the cloud reaches [m]. table: how far the table may seem to move, which
+    means that the camera did; None: it is not watched. depth_frames: over which depth is averaged.
     """
 
     def __init__(
@@ -38,12 +41,17 @@ class FrameProcessor:
         heightmap_hz: float,
         points_hz: float,
         points_margin: float = MARGIN,
+        table: TableLimits | None = None,
+        depth_frames: int = 1,
     ) -> None:
         self._workspace = workspace
         self._region = CloudRegion.around(workspace, points_margin)
         self._health = health
         self._heightmap_rate = _Rate(heightmap_hz)
         self._points_rate = _Rate(points_hz)
+        self._table_limits = table
+        self._filter = TemporalFilter(depth_frames)
+        self._table: TableWatch | None = None
         self._builders: tuple[HeightmapBuilder, CloudBuilder] | None = None
 
     def admits(self, stamp_ns: int, now_ns: int) -> bool:
@@ -67,10 +75,13 @@ class FrameProcessor:
 
         Raises:
             ImageError: when an image does not have the camera's size.
-            UnfitFrameError: when too little of the workspace is seen.
+            UnfitFrameError: when too little of the workspace is seen, or the camera was moved.
         """
         to_heightmap, to_cloud = self._builders_for(camera, camera_in_base)
+        depth_m = self._filter.add(depth_m)
         heightmap = to_heightmap.build(color, depth_m, stamp_ns)
+        if self._table is not None:
+            _refuse(self._table.check(depth_m))
         _refuse(self._health.check_valid_fraction(heightmap.valid_fraction))
         cloud = None
         if self._points_rate.is_due(stamp_ns):
@@ -88,6 +99,9 @@ class FrameProcessor:
             HeightmapBuilder(camera, pose, self._workspace),
             CloudBuilder(camera, pose, self._region),
         )
+        self._filter.clear()
+        if self._table_limits is not None:
+            self._table = TableWatch(camera, pose, self._workspace, self._table_limits)
         return self._builders
 
 

@@ -92,21 +92,14 @@ class HeightmapBuilder:
         down, right, patch = (_same_surface(depth, step, self.max_depth_step) for step in _STEPS)
         n_down, n_right = self._splits
         width = depth.shape[1]
-        for i in range(n_down):
-            for j in range(n_right):
-                a, b = i / n_down, j / n_right
-                if i == 0 and j == 0:
-                    samples, joined, nearest = grid, None, (0, 0)
-                elif j == 0:
-                    samples = _blend(grid[:, :-1], grid[:, 1:], a)
-                    joined, nearest = down, (int(a >= 0.5), 0)
-                elif i == 0:
-                    samples = _blend(grid[:, :, :-1], grid[:, :, 1:], b)
-                    joined, nearest = right, (0, int(b >= 0.5))
-                else:
-                    upper = _blend(grid[:, :-1, :-1], grid[:, :-1, 1:], b)
-                    samples = _blend(upper, _blend(grid[:, 1:, :-1], grid[:, 1:, 1:], b), a)
-                    joined, nearest = patch, (int(a >= 0.5), int(b >= 0.5))
+        for j in range(n_right):
+            b = j / n_right
+            beside = _blend(grid[:, :, :-1], grid[:, :, 1:], b) if j else grid
+            for i in range(n_down):
+                a = i / n_down
+                samples = _blend(beside[:, :-1], beside[:, 1:], a) if i else beside
+                joined = (None if j == 0 else right) if i == 0 else down if j == 0 else patch
+                nearest = int(a >= 0.5), int(b >= 0.5)
                 self._raise_cells(samples, joined, nearest, width, keys)
 
     def _raise_cells(
@@ -124,10 +117,12 @@ class HeightmapBuilder:
             inside &= (height >= 0) & (height <= self._height_steps)
         if joined is not None:
             inside &= joined
-        at_row, at_col = np.nonzero(inside)
-        cell = row[inside].astype(np.int32) * cols + column[inside].astype(np.int32)
-        pixel = (at_row + nearest[0]) * width + (at_col + nearest[1])
-        key = ((height[inside] + 0.5).astype(np.int64) << _INDEX_BITS) | pixel
+        index = np.flatnonzero(inside)  # picked by number: a mask would be read anew for every plane
+        cell = row.ravel().take(index).astype(np.int32) * cols + column.ravel().take(index).astype(np.int32)
+        pixel = index + (nearest[0] * width + nearest[1])
+        if column.shape[1] != width:
+            pixel += index // column.shape[1]  # its rows are one pixel shorter
+        key = ((height.ravel().take(index) + 0.5).astype(np.int64) << _INDEX_BITS) | pixel
         np.maximum.at(keys, cell, key)
 
     def _check_sizes(self, color: npt.NDArray[np.uint8], depth_m: FloatImage) -> None:
@@ -184,6 +179,10 @@ def _same_surface(depth: FloatImage, step: tuple[int, int], max_step: float) -> 
 
 
 def _blend(first: FloatImage, second: FloatImage, share: float) -> FloatImage:
+    if share == 0.5:
+        middle: FloatImage = first + second  # halves are exact: the same numbers in fewer steps
+        middle *= np.float32(0.5)
+        return middle
     result: FloatImage = first * np.float32(1.0 - share) + second * np.float32(share)
     return result
 

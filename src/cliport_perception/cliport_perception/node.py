@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import time
+from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.clock import Clock
@@ -14,8 +16,7 @@ from tf2_msgs.msg import TFMessage
 
 from cliport_core import messages, topics
 from cliport_core.errors import CoreError
-from cliport_core.images import decode_color, decode_depth
-from cliport_core.raw_image import image_of_raw
+from cliport_core.ros_compressed import color_of_raw, depth_of_raw
 from cliport_core.ros_rgbd import SLOP_S, RawFrame, RgbdInput
 from cliport_core.ros_running import run_node
 from cliport_core.throttle import MessageThrottle
@@ -26,6 +27,7 @@ from cliport_perception import conversions
 from cliport_perception.camera_health import CameraHealth, HealthLimits
 from cliport_perception.clouds import MARGIN
 from cliport_perception.frame_processor import FrameProcessor
+from cliport_perception.table_watch import TableLimits
 from panda_model.ros_parameters import declare_base_frame, declare_robot
 
 STATUS_NAME = "cliport_perception: camera"
@@ -36,12 +38,14 @@ PATIENCE = 3  # reports before the first complaint: nodes start in any order
 class PerceptionNode(Node):
     """The node: camera in, what policy and executor need out. Raises CoreError when a parameter is unusable."""
 
-    def __init__(self) -> None:
-        super().__init__("cliport_perception")
+    def __init__(self, **options: Any) -> None:
+        """Begin to listen. options: of rclpy's Node."""
+        super().__init__("cliport_perception", **options)
         path = str(self.declare_parameter("workspace", "").value)
         self._base_frame = declare_base_frame(self, declare_robot(self))
         self._cameras = conversions.CameraReader(bool(self.declare_parameter("rectified", False).value))
         limits = HealthLimits(self._number("max_age", 1.0), self._number("min_valid_fraction", 0.05))
+        self._compressed = bool(self.declare_parameter("compressed", False).value)
         self._reports = 0
         self._transforms = TransformTree()
         self._throttle = MessageThrottle(LOG_PERIOD_S)
@@ -58,6 +62,7 @@ class PerceptionNode(Node):
             lambda fault: self._health.on_fault(fault),
             lambda stream: self._health.on_message(stream),
             self._number("sync_slop", SLOP_S),
+            self._compressed,
         )
         self._health = CameraHealth(self._camera.topic_names, limits)
         self._processor = FrameProcessor(
@@ -66,12 +71,18 @@ class PerceptionNode(Node):
             self._number("heightmap_rate", 10.0),
             self._number("points_rate", 2.0),
             self._number("points_margin", MARGIN),
+            self._table_limits(),
+            int(self.declare_parameter("depth_frames", 1).value),
         )
         # wall time: the report must come even when simulated time stands still
         self.create_timer(1.0, self._report, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def _number(self, name: str, default: float) -> float:
         return float(self.declare_parameter(name, default).value)
+
+    def _table_limits(self) -> TableLimits | None:
+        shift, tilt = self._number("max_table_shift", 0.003), self._number("max_table_tilt", math.radians(0.2))
+        return TableLimits(shift, tilt) if shift > 0.0 and tilt > 0.0 else None
 
     def _on_tf(self, message: TFMessage) -> None:
         for link in message.transforms:
@@ -88,7 +99,8 @@ class PerceptionNode(Node):
             return
         camera = self._cameras.read(frame.camera_info.data)
         pose = self._transforms.source_in_target(frame.frame_id, self._base_frame)
-        color, depth = decode_color(image_of_raw(frame.color.data)), decode_depth(image_of_raw(frame.depth.data))
+        color = color_of_raw(frame.color.data, self._compressed)
+        depth = depth_of_raw(frame.depth.data, self._compressed)
         products = self._processor.process(color, depth, camera, pose, stamp_ns)
         self._heightmaps.publish(messages.heightmap_to_msg(products.heightmap, self._base_frame))
         if products.cloud is not None:

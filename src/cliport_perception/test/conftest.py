@@ -10,9 +10,15 @@ import pytest
 
 from cliport_core import Pose
 from cliport_perception import CameraModel
+from cliport_perception.calibration.board import Board
+from cliport_perception.calibration.initial_guess import Placement
+from cliport_perception.calibration.proposals import candidate_poses, in_view, next_pose
+from cliport_perception.calibration.sample import Sample
+from cliport_perception.calibration.view import fit_view
 
-# the logic is tested without any build; these two need the built messages
-collect_ignore = [] if find_spec("cliport_interfaces") else ["test_conversions.py", "test_node.py"]
+# the logic is tested without any build; these need the built messages
+NEED_MESSAGES = ["test_conversions.py", "test_node.py", "test_calibration_nodes.py", "test_drivers.py"]
+collect_ignore = [] if find_spec("cliport_interfaces") else NEED_MESSAGES
 
 
 class Box(NamedTuple):
@@ -82,3 +88,45 @@ def boxes() -> list[Box]:
 def cast_scene():
     """`cast(camera, camera_in_base)` of the table with both boxes."""
     return lambda camera, camera_in_base: cast([TABLE, CUBE, SLAB], camera, camera_in_base)
+
+
+class BoardInHand(NamedTuple):
+    """A hidden set-up for calibrations: a camera over the table, and a board that the gripper carries."""
+
+    camera: CameraModel
+    board: Board
+    placement: Placement
+    start: Pose
+
+    def sample(self, rng: np.random.Generator, gripper: Pose, noise_px: float = 0.0, scale: float = 1.0) -> Sample:
+        """What would be measured with the gripper at a pose: corners drawn exactly, but for noise."""
+        points = np.asarray(self.board.cv_board.getChessboardCorners(), dtype=np.float64)
+        pixels = self.camera.project(self.placement.board_in_camera(gripper).apply(scale * points))
+        view = fit_view(points, pixels + rng.normal(0.0, noise_px, pixels.shape), self.camera)
+        assert view is not None
+        return Sample(gripper, view)
+
+    def samples(
+        self, count: int, seed: int = 0, noise_px: float = 0.0, arm_m: float = 0.0, scale: float = 1.0
+    ) -> list[Sample]:
+        """Samples at proposed poses; arm_m: how far the gripper truly is from where it says, per axis."""
+        rng = np.random.default_rng(seed)
+        told: list[Pose] = []
+        found = []
+        poses = in_view(candidate_poses(self.start), self.placement, self.board, self.camera)
+        for _ in range(count):
+            told.append(next_pose(poses, told, rng))
+            true = Pose(told[-1].rotation, told[-1].translation + rng.normal(0.0, arm_m, 3))
+            sample = self.sample(rng, true, noise_px, scale)
+            found.append(Sample(told[-1], sample.view, len(found)))
+        return found
+
+
+@pytest.fixture(scope="session")
+def board_in_hand() -> BoardInHand:
+    board = Board()
+    camera = CameraModel(960, 540, 540.0, 541.0, 482.0, 268.0, "plumb_bob", (0.08, -0.1, 0.001, -0.0005, 0.0))
+    camera_in_base = Pose.looking_at((1.2, 0.15, 0.8), (0.45, 0.0, 0.1))
+    held = Pose.from_xyz_rpy((-0.08, -0.06, 0.09), (0.2, -0.1, 0.3))
+    facing = Pose.from_xyz_rpy((-0.1, -0.08, 0.75), (0.0, 0.0, 0.2))
+    return BoardInHand(camera, board, Placement(camera_in_base, held), camera_in_base @ facing @ held.inverse())

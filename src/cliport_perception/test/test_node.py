@@ -11,12 +11,16 @@ import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import TransformStamped
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
 from ros_domain import next_domain
-from sensor_msgs.msg import CameraInfo, Image, PointCloud2
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image, PointCloud2
 from tf2_msgs.msg import TFMessage
 
 from cliport_core import messages
+from cliport_core.compressed_depth import encode_compressed_depth
+from cliport_core.image_files import encode_jpeg
+from cliport_core.pose import Pose
 from cliport_core.topics import CAMERA_INFO, COLOR, DEPTH
 from cliport_interfaces.msg import Heightmap as HeightmapMsg
 from cliport_perception import conversions
@@ -139,6 +143,45 @@ def test_a_frozen_camera_is_reported_and_recovers(fake: FakeCamera) -> None:
     assert stale()
     fake.heightmaps.clear()
     assert fake.until(lambda: bool(fake.heightmaps))
+
+
+def test_a_camera_that_was_moved_is_reported_and_not_served(fake: FakeCamera, cast_scene) -> None:
+    fake.publish_tf()
+    assert fake.until(lambda: len(fake.heightmaps) > 6)
+    place = fake.scene.camera_in_base
+    bumped = Pose(place.rotation, place.translation + np.array([0.0, 0.0, 0.01]))
+    moved = cast_scene(fake.scene.camera, bumped).depth
+    assert fake.until(fake.reported(2, "the camera was moved: the table lies 10 mm"), depth=moved)
+    fake.heightmaps.clear()
+    fake.until(lambda: False, timeout_s=1.0, depth=moved)
+    assert not fake.heightmaps
+    assert fake.until(lambda: bool(fake.heightmaps)), "it was put back"
+
+
+def test_compressed_images_are_served(fake: FakeCamera) -> None:
+    perception = PerceptionNode(parameter_overrides=[Parameter("compressed", value=True)])
+    fake.executor.add_node(perception)
+    sensor = qos_profile_sensor_data
+    color = fake.node.create_publisher(CompressedImage, f"{COLOR}/compressed", sensor)
+    depth = fake.node.create_publisher(CompressedImage, f"{DEPTH}/compressedDepth", sensor)
+    form, packed = encode_compressed_depth(fake.scene.depth, "16UC1")
+    pictures = ((color, "rgb8; jpeg compressed bgr8", encode_jpeg(fake.scene.color, 95)), (depth, form, packed))
+    fake.publish_tf()
+    seen: list[HeightmapMsg] = []
+    fake.node.create_subscription(HeightmapMsg, "/cliport/heightmap", seen.append, 2)
+    end = time.monotonic() + 12.0
+    while not seen and time.monotonic() < end:
+        stamp = fake.node.get_clock().now().to_msg()
+        fake.info.publish(conversions.camera_to_msg(fake.scene.camera))
+        for publisher, name, data in pictures:
+            message = CompressedImage(format=name, data=data)
+            message.header.stamp, message.header.frame_id = stamp, FRAME
+            publisher.publish(message)
+        fake.executor.spin_once(timeout_sec=0.1)
+    heightmap = messages.heightmap_from_msg(seen[-1])
+    assert heightmap.height[heightmap.workspace.xy_to_pixel(0.42, -0.08)] == pytest.approx(0.04, abs=0.003)
+    fake.executor.remove_node(perception)
+    perception.destroy_node()
 
 
 def test_a_missing_workspace_file_ends_in_one_line(capsys: pytest.CaptureFixture[str]) -> None:

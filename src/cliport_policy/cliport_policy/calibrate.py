@@ -77,7 +77,7 @@ def calibrate(policy: Policy, data: DemonstrationSet, count: int) -> dict[str, C
         scores = policy.score(
             data.observation(frame), demo.instruction, None if goal is None else data.observation(data.frames[goal])
         )
-        pick = judge(policy.grid, scores.picks[None, :-1], scores.pick, demo.pick_pixel)
+        pick = judge(policy.grid, scores.picks[None], scores.pick, demo.pick_pixel)
         fits["pick"].add(pick)
         if pick.hit:
             fits["place"].add(judge(policy.grid, scores.places.flatten(1), policy.place_peak(scores), demo.place_pixel))

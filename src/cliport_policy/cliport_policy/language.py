@@ -57,6 +57,11 @@ class TextEncoder:
         numbers, mask = self._pieces(sentences)
         return TokenEmbeddings(self.model.states(numbers, mask), mask)
 
+    def count_tokens(self, text: str) -> int:
+        """Return how many tokens a text has, without those that begin and end a sentence."""
+        _, mask = self._pieces([text])
+        return int(mask.sum()) - 2
+
     def encode_one(self, sentence: str) -> TokenEmbeddings:
         """Return embeddings of one sentence and remember them: each step of an episode asks for the same one."""
         self._remember([sentence])

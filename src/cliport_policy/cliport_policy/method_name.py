@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 from cliport_policy.checkpoint import Card
+from cliport_policy.joint_config import JointConfig
 from cliport_policy.named_configs import AnyNetworkConfig, config_names, load_network_config
 from cliport_policy.stream_config import StreamsConfig
 
@@ -26,7 +27,8 @@ def method_name(name: str, network: AnyNetworkConfig) -> str:
     """Return what tables call a network that was made from the config `name` and runs as `network`.
 
     `cliport_rotator[EfficientNet-Lite0+MiniLM]` has other frozen encoders than its config asks for,
-    `transporter[yaw 0]` has no rotator, and `compact[changed]` is not what the shipped config of that name says.
+    `transporter[yaw 0]` has no rotator, `multi[open]` was told all colour names of the survey, `multi[strict]` those
+    without the unseen words, and `compact[changed]` is not what the shipped config of that name says.
     """
     remarks = []
     if replaced := replaced_encoders(name, network):
@@ -34,6 +36,8 @@ def method_name(name: str, network: AnyNetworkConfig) -> str:
         name = _SAME_NETS.get(name, name)
     if isinstance(network, StreamsConfig) and network.rotator is None:
         remarks.append("yaw 0")
+    if isinstance(network, JointConfig) and network.color_words != "none":
+        remarks.append(network.color_words)
     if _is_changed(name, network):
         remarks.append("changed")
     return name + (f"[{', '.join(remarks)}]" if remarks else "")
@@ -92,4 +96,6 @@ def _is_changed(name: str, network: AnyNetworkConfig) -> bool:
     if isinstance(meant, StreamsConfig) and isinstance(network, StreamsConfig):
         meant = replace(meant.with_encoder(network.encoder), rotator=network.rotator)
         return meant != network.with_encoder(network.encoder)
+    if isinstance(meant, JointConfig) and isinstance(network, JointConfig) and network.color_words != "none":
+        meant = replace(meant, color_words=network.color_words)  # the arm is named by itself
     return meant != network

@@ -10,12 +10,13 @@ import yaml
 
 from cliport_policy.config import NetworkConfig
 from cliport_policy.errors import ConfigError
+from cliport_policy.joint_config import JointConfig
 from cliport_policy.settings import check_choice, did_you_mean
 from cliport_policy.stream_config import StreamsConfig
 
 _EXTENDS = "extends"  # a file's key that names the shipped config whose settings it changes
 FOLDER = Path(__file__).parent / "configs"
-AnyNetworkConfig = NetworkConfig | StreamsConfig
+AnyNetworkConfig = NetworkConfig | StreamsConfig | JointConfig
 
 
 def config_names() -> list[str]:
@@ -45,14 +46,16 @@ def load_network_config(name_or_path: str | Path, changes: Mapping[str, Any] | N
 
 
 def network_config_from_dict(values: Mapping[str, Any]) -> AnyNetworkConfig:
-    """Return the config of a mapping whose `kind` is `compact` (the default) or `streams`.
+    """Return the config of a mapping whose `kind` is `compact` (the default), `joint` or `streams`.
 
     Raises:
         ConfigError: for an unknown kind, setting or value.
     """
     rest = dict(values)
     kind = rest.pop("kind", "compact")
-    check_choice(kind, ("compact", "streams"), "kind")
+    check_choice(kind, ("compact", "joint", "streams"), "kind")
+    if kind == "joint":
+        return JointConfig.from_dict(rest)
     return StreamsConfig.from_dict(rest) if kind == "streams" else NetworkConfig.from_dict(rest)
 
 

@@ -13,7 +13,7 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from cliport_core import errors as core_errors
-from cliport_core.action import PickPlaceAction
+from cliport_core.action import PickPlaceAction, Primitive
 from cliport_core.heightmap import Heightmap
 from cliport_core.instruction import normalized_instruction
 from cliport_core.pose import PlanarPose
@@ -33,13 +33,17 @@ from cliport_policy.peaks import CellGrid, Peak
 class Scores(NamedTuple):
     """A network's logits for one observation, float32, before any temperature.
 
-    picks: (h * w + 1,), the last is the null action's; yaws: (k,) or None; places: (k, h, w) for a pick at pick.pixel.
+    picks: (h * w,); nulls: (1 or 2,), of "done" and, where the network tells it apart, of "not here".
+    yaws: (k,) or None; places: (k, h, w) for a pick at pick.pixel.
+    primitives: (number of primitives,), None where none is chosen.
     """
 
     picks: Tensor
+    nulls: Tensor
     yaws: Tensor | None
     places: Tensor
     pick: Peak
+    primitives: Tensor | None = None
 
 
 class Policy:
@@ -71,7 +75,8 @@ class Policy:
     ) -> Inference:
         """Return the next action for an instruction, and for an image of the goal where the network reads one.
 
-        Its primitive is the one that the policy was trained on. A network without a rotator leaves the pick's yaw at 0.
+        Its primitive is what the network chooses, or the one that the policy was trained on. A network without a
+        rotator leaves the pick's yaw at 0.
         Raises InstructionError for a text it refuses, and ObservationError for a heightmap of another workspace
         or one that shows nothing or holds NaN.
         """
@@ -86,12 +91,22 @@ class Policy:
         """Return the network's logits for an observation. Raises the errors of `infer`."""
         self._embed(instruction)
         image = self._tensor(observation)
-        aim = self._network.encode_goal([instruction.strip()], self._goal_tensor(goal))
-        picks = self._network.score_picks(image, aim)[0].float()
-        pick = self.grid.peak(_mass(picks[:-1]).reshape(self.grid.shape))
+        network = self._network
+        aim = network.look(image, network.encode_goal([instruction.strip()], self._goal_tensor(goal)))
+        scores = network.score_picks(image, aim)[0].float()
+        picks, nulls = scores[: -network.n_null], scores[-network.n_null :]
+        pick = self.grid.peak(_mass(picks).reshape(self.grid.shape))
         pixel = torch.tensor([pick.pixel], dtype=torch.float32)
-        yaws, places = self._network.score_rotations(image, aim, pixel)
-        return Scores(picks, None if yaws is None else yaws[0].float(), places[0].float(), pick)
+        yaws, places = network.score_rotations(image, aim, pixel)
+        primitives = network.score_primitives(image, aim)
+        return Scores(
+            picks,
+            nulls,
+            None if yaws is None else yaws[0].float(),
+            places[0].float(),
+            pick,
+            None if primitives is None else primitives[0].float(),
+        )
 
     def place_peak(self, scores: Scores) -> Peak:
         """Return the best place at its best rotation."""
@@ -101,16 +116,17 @@ class Policy:
     def _decide(self, scores: Scores, with_maps: bool) -> Explanation:
         """Choose the action. Temperatures change how sure the policy is, not what it does."""
         pick, place = scores.pick, self.place_peak(scores)
-        pick_mass = _mass(scores.picks[:-1], self.card.temperature("pick")).reshape(self.grid.shape)
+        pick_mass = _mass(scores.picks, self.card.temperature("pick")).reshape(self.grid.shape)
         place_mass = _mass(scores.places, self.card.temperature("place"))
         yaws = None if scores.yaws is None else _mass(scores.yaws)
         pick_yaw = 0.0 if yaws is None else self._angle(int(yaws.argmax()))
         place_yaw = math.remainder(pick_yaw + self._angle(_best_rotation(place_mass)), 2 * math.pi)
+        nulls = _mass(torch.cat((scores.picks, scores.nulls)))[len(scores.picks) :]
         pick_confidence, place_confidence = pick.confidence(pick_mass), place.confidence(place_mass.sum(0))
         action = PickPlaceAction(
             pick=self._pose_at(pick.pixel, pick_yaw),
             place=self._pose_at(place.pixel, place_yaw),
-            primitive=self.card.primitive,
+            primitive=self._primitive(scores),
             confidence=min(pick_confidence, place_confidence),
         )
         inference = Inference(
@@ -119,10 +135,14 @@ class Policy:
             place_pixel=place.pixel,
             pick_confidence=pick_confidence,
             place_confidence=place_confidence,
-            done_probability=float(_mass(scores.picks)[-1]),
+            done_probability=float(nulls[0]),
             maps=self._maps(pick_mass, place_mass.max(0)) if with_maps else None,
+            absent_probability=float(nulls[1]) if len(nulls) > 1 else 0.0,
         )
         return Explanation(inference, yaws, place_mass.sum((1, 2)))
+
+    def _primitive(self, scores: Scores) -> Primitive:
+        return self.card.primitive if scores.primitives is None else Primitive(int(scores.primitives.argmax()))
 
     def _pose_at(self, pixel: tuple[int, int], yaw: float) -> PlanarPose:
         x, y = self.workspace.pixel_to_xy(pixel[0], pixel[1])

@@ -10,7 +10,7 @@ import argparse
 import sys
 from collections import defaultdict
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +19,9 @@ from numpy.typing import NDArray
 from cliport_core.command_line import CommandParser
 from cliport_policy.calibration import expected_calibration_error
 from cliport_policy.checkpoint import resolve_checkpoint, write_json
+from cliport_policy.data.absences import Absences
 from cliport_policy.data.demonstrations import Demonstration, DemonstrationSet, Index, load_demonstrations
+from cliport_policy.data.mixture import Drawn, Mixture, Source
 from cliport_policy.errors import ConfigError, DataError, InstructionError, PolicyError
 from cliport_policy.inference import Inference
 from cliport_policy.peaks import CellGrid
@@ -39,6 +41,8 @@ class Reliability:
     one
     than the expert's counts as wrong.
     refused: number of further observations whose sentence the policy refused; they are in no share.
+    foreign, own: probability that what is named is not here, under a sentence about what the scene lacks and under its
+    own; empty where the data set does not list the things on the table.
     """
 
     finished: NDArray[np.float64]
@@ -46,6 +50,12 @@ class Reliability:
     confidence: NDArray[np.float64]
     right: NDArray[np.bool_]
     refused: int = 0
+    foreign: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
+    own: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
+
+    def absent_right(self, threshold: float) -> tuple[float, float]:
+        """Return the shares of foreign sentences called not here, and of own ones not; NaN if there are none."""
+        return _share(self.foreign > threshold), _share(self.own <= threshold)
 
     def done_right(self, threshold: float) -> tuple[float, float]:
         """Return the shares of finished scenes called finished, and of unfinished ones not; NaN if there are none."""
@@ -63,6 +73,8 @@ class Reliability:
             "unfinished": len(self.unfinished),
             "refused": self.refused,
             "done": {str(t): [_number(share) for share in self.done_right(t)] for t in THRESHOLDS},
+            "foreign": len(self.foreign),
+            "absent": {str(t): [_number(share) for share in self.absent_right(t)] for t in THRESHOLDS},
             "acted": {str(t): [_number(share) for share in self.acted(t)] for t in (0.0, *THRESHOLDS)},
             "calibration_error": expected_calibration_error(self.confidence, self.right),
         }
@@ -124,7 +136,7 @@ def measure(
         raise DataError(f"{data.folder} holds no scene in which something is to be done")
     goals = data.goal_frames()
     done: dict[bool, list[float]] = {True: [], False: []}
-    confidence, right, refusals = [], [], []
+    confidence, right, refusals, own = [], [], [], []
     for number, index in enumerate([*finished, *unfinished]):
         frame, demo = data.frames[index.frame], data.demo(index)
         goal = None if index.frame not in goals else data.observation(data.frames[goals[index.frame]])
@@ -135,14 +147,39 @@ def measure(
         else:
             done[demo.done].append(inference.done_probability)
             if not demo.done:
+                own.append(inference.absent_probability)
                 confidence.append(inference.confidence)
                 right.append(_is_right(policy.grid, inference, demo))
         tell(number + 1, len(finished) + len(unfinished))
     if not right:
         raise DataError(f"the policy refuses every sentence of {data.folder}, as in: {refusals[-1]}")
+    foreign = _ask_for_what_is_not_there(policy, data, unfinished)
     return Reliability(
-        np.array(done[True]), np.array(done[False]), np.array(confidence), np.array(right, bool), len(refusals)
+        np.array(done[True]),
+        np.array(done[False]),
+        np.array(confidence),
+        np.array(right, bool),
+        len(refusals),
+        np.array(foreign),
+        np.array(own) if foreign else np.zeros(0),
     )
+
+
+def _ask_for_what_is_not_there(policy: Policy, data: DemonstrationSet, indices: Sequence[Index]) -> list[float]:
+    """Return how likely the policy thinks that things are not here which are not, one answer an observation."""
+    if not any(data.frames[index.frame].things for index in indices):
+        return []
+    absences, rng = Absences(Mixture([Source(data)])), np.random.default_rng(1)
+    found = []
+    for index in indices:
+        frame = data.frames[index.frame]
+        drawn = absences.draw(Drawn(data, frame, data.demo(index), None), rng)
+        if drawn.demo.absent:
+            try:
+                found.append(policy.infer(data.observation(frame), drawn.demo.instruction).absent_probability)
+            except InstructionError:
+                found.append(1.0)  # refused, which is an answer
+    return found
 
 
 def _is_right(grid: CellGrid, inference: Inference, expert: Demonstration) -> bool:
@@ -177,6 +214,9 @@ def table(found: Reliability) -> str:
         f"{'done threshold':>14} {'finished called so':>21} {'unfinished not called so':>26}",
     ]
     lines += [row(t, found.done_right(t)) for t in THRESHOLDS]
+    if len(found.foreign):
+        lines.append(f"{'not here':>14} {'foreign called so':>21} {'own not called so':>26}")
+        lines += [row(t, found.absent_right(t)) for t in THRESHOLDS]
     lines.append(f"{'min_confidence':>14} {'acted on':>21} {'of these right':>26}")
     lines += [row(t, found.acted(t)) for t in (0.0, *THRESHOLDS)]
     return "\n".join(lines)

@@ -20,6 +20,7 @@ import numpy as np
 from cliport_core.source_state import source_state
 from cliport_policy.data.demonstrations import load_demonstrations
 from cliport_policy.data.mixture import Mixture, Source, check_same_workspace
+from cliport_policy.data.mixture_file import SourceEntry
 from cliport_policy.errors import InstructionError, PolicyError, TrainingError
 from cliport_policy.language import shared_encoder
 from cliport_policy.overlays import save_png
@@ -55,7 +56,7 @@ def _train(options: TrainOptions, group: Group, argv: Sequence[str] | None) -> N
     keep_freed_memory()
     stopped = _stop_on_signals()
     n_sets = len(options.data) + (options.val is not None)
-    sources = [_source(folder, weight, options, options.cache_bytes // n_sets) for folder, weight in options.data]
+    sources = [_source(entry, options, options.cache_bytes // n_sets) for entry in options.data]
     val = load_demonstrations(options.val, options.cache_bytes // n_sets) if options.val else None
     if val is not None:
         check_same_workspace(sources[0].data, val)
@@ -82,9 +83,10 @@ def _train(options: TrainOptions, group: Group, argv: Sequence[str] | None) -> N
         print("agreement with --val: " + ", ".join(f"{name} {value:.3g}" for name, value in found.items()))
 
 
-def _source(folder: Path, weight: float, options: TrainOptions, cache_bytes: int) -> Source:
-    data = load_demonstrations(folder, cache_bytes)
-    return Source(data if options.n_demos is None else data.first_episodes(options.n_demos), weight)
+def _source(entry: SourceEntry, options: TrainOptions, cache_bytes: int) -> Source:
+    data = load_demonstrations(entry.folder, cache_bytes)
+    kept = data if options.n_demos is None else data.first_episodes(options.n_demos)
+    return Source(kept, entry.weight, entry.settings)
 
 
 def _run_and_show(trainer: Trainer, options: TrainOptions, stopped: list[int], shown: Mixture) -> None:

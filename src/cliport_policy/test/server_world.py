@@ -17,10 +17,12 @@ S = 1_000_000_000
 GOAL = "put the red blocks in the green bowl"
 
 
-def inference(done: float = 0.0, confidence: float = 0.9, primitive: Primitive = Primitive.PICK_PLACE) -> Inference:
+def inference(
+    done: float = 0.0, confidence: float = 0.9, primitive: Primitive = Primitive.PICK_PLACE, absent: float = 0.0
+) -> Inference:
     pose = PlanarPose(0.4, 0.1, 0.3)
     action = PickPlaceAction(pose, pose, primitive, confidence)
-    return Inference(action, (200, 60), (200, 60), confidence, confidence, done)
+    return Inference(action, (200, 60), (200, 60), confidence, confidence, done, absent_probability=absent)
 
 
 class World:

@@ -12,6 +12,7 @@ from cliport_policy.config import TrainConfig
 from cliport_policy.data.augmentation import (
     draw_transform,
     identity_transform,
+    is_falsified_by_turning,
     jitter_color,
     jitter_height,
     names_direction,
@@ -102,13 +103,18 @@ def test_height_jitter_is_small_and_even() -> None:
 
 
 @pytest.mark.parametrize(
-    ("sentence", "directed"),
+    ("sentence", "directed", "turns"),
     [
-        ("put the red L shape in the Left square hole", True),
-        ("align the rope from front left tip to back left corner", True),
-        ("put the red blocks in a blue bowl", False),
-        ("pack the leftover righteous topping", False),
+        ("put the red L shape in the Left square hole", True, False),
+        ("put the gray star in the middle star hole", True, False),
+        ("align the rope from front left tip to back left corner", True, True),
+        ("put the red block in the front left corner", True, False),
+        ("move the red ring to the middle of the stand", False, True),
+        ("put the red block on the middle brown block", False, True),
+        ("put the red blocks in a blue bowl", False, True),
+        ("pack the leftover righteous topping", False, True),
     ],
 )
-def test_sentences_that_name_a_direction(sentence: str, directed: bool) -> None:
+def test_sentences_that_name_a_direction(sentence: str, directed: bool, turns: bool) -> None:
     assert names_direction(sentence) is directed
+    assert is_falsified_by_turning(sentence) is not turns

@@ -122,7 +122,7 @@ def _version(folder: Path) -> None:
         (lambda folder: (folder / "meta.json").unlink(), "no data set at"),
         (lambda folder: (folder / "meta.json").write_text("{"), "is not JSON"),
         (lambda folder: (folder / "meta.json").write_text('{"version": 1}'), "no usable workspace"),
-        (_version, "version 77, this reader knows 1 and 2"),
+        (_version, "version 77, this reader knows 1, 2, 3"),
         (_change("pick_yaw", float("nan")), "a yaw is not a number"),
         (_change("place_row", 999), "outside its workspace"),
         (_change("color_png", b"no png"), "episode 0, step 0 of .* can't be decoded"),

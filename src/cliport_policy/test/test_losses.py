@@ -62,6 +62,7 @@ class _Flat(nn.Module):
     """A network that knows nothing: all scores are 0; it notes which rotations it was asked for."""
 
     cell_size = 2
+    n_null = 1
 
     def __init__(self, k: int = 8) -> None:
         super().__init__()
@@ -71,8 +72,14 @@ class _Flat(nn.Module):
     def encode_goal(self, phrases: list[str], images: Tensor | None = None) -> Goal:
         return Goal()
 
+    def look(self, images: Tensor, goal: Goal) -> Goal:
+        return goal
+
     def score_picks(self, images: Tensor, goal: Goal) -> Tensor:
-        return torch.zeros(len(images), 20 * 10 + 1)
+        return torch.zeros(len(images), 20 * 10 + self.n_null)
+
+    def score_primitives(self, images: Tensor, goal: Goal) -> Tensor | None:
+        return None
 
     def score_yaws(self, images: Tensor, goal: Goal, pick: Tensor, angles: Tensor) -> Tensor:
         return torch.zeros_like(angles)
@@ -100,8 +107,37 @@ def test_losses_of_ignorance_are_logarithms_of_the_choices() -> None:
     for rotations, k in ((0, 8), (3, 3)):
         config = TrainConfig(rotator_rotations=rotations, transport_rotations=rotations)
         losses = compute_losses(_Flat(), _batch(4), config)  # type: ignore[arg-type]
-        expected = (math.log(201), math.log(k), math.log(200 * k))
+        # three samples of four show an action, one a finished scene
+        expected = (0.75 * math.log(201), math.log(k), math.log(200 * k), 0.25 * math.log(201), 0.0, 0.0)
         assert [float(loss) for loss in losses] == pytest.approx(expected, rel=1e-5)
+
+
+class _Knowing(_Flat):
+    """A network that says "done" where nothing is to be seen, and sweeps."""
+
+    n_null = 2
+
+    def score_picks(self, images: Tensor, goal: Goal) -> Tensor:
+        scores = super().score_picks(images, goal)
+        scores[:, -2] = 9.0
+        return scores
+
+    def score_primitives(self, images: Tensor, goal: Goal) -> Tensor | None:
+        return torch.tensor([0.0, 4.0, 0.0]).expand(len(images), 3)
+
+
+def test_done_and_not_here_are_two_labels_and_the_primitive_is_a_third() -> None:
+    batch = _batch(3)._replace(
+        done=torch.tensor([False, False, True]),
+        absent=torch.tensor([False, True, False]),
+        primitive=torch.tensor([1, 0, 0]),
+    )
+    assert batch.acts.tolist() == [True, False, False]
+    losses = compute_losses(_Knowing(), batch, TrainConfig())  # type: ignore[arg-type]
+    norm = math.log(201 + math.exp(9))
+    assert float(losses.done) == pytest.approx((norm - 9) / 3, rel=1e-4)
+    assert float(losses.absent) == float(losses.locator) == pytest.approx(norm / 3, rel=1e-4)
+    assert float(losses.primitive) == pytest.approx(math.log(2 + math.exp(4)) - 4, rel=1e-4)
 
 
 class _Turner(_Flat):

@@ -31,6 +31,10 @@ def card(network: AnyNetworkConfig, **made_by: Any) -> Card:
     [
         ("compact", load_network_config("compact"), "compact"),
         ("compact", load_network_config("compact", {"goal_dim": 64}), "compact[changed]"),
+        ("multi", load_network_config("multi"), "multi[open]"),
+        ("multi", load_network_config("multi", {"color_words": "strict"}), "multi[strict]"),
+        ("multi", load_network_config("multi", {"gate": False}), "multi[open, changed]"),
+        ("multi", load_network_config("multi", {"color_words": "none"}), "multi[changed]"),
         ("cliport_rotator", streams("cliport_rotator"), "cliport_rotator"),
         ("cliport", streams("cliport", rotator="pick"), "cliport"),
         ("transporter", streams("transporter"), "transporter[yaw 0]"),

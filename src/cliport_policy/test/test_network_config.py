@@ -26,7 +26,7 @@ BASES = [
     "wo_skips",
 ]
 PAPERS = [name for name in BASES if not name.startswith("compact")]  # each once more with a rotator
-NAMES = sorted([*BASES, *(f"{name}_rotator" for name in PAPERS)])
+NAMES = sorted([*BASES, "multi", *(f"{name}_rotator" for name in PAPERS)])
 
 
 def test_the_named_networks_are_there() -> None:
@@ -44,7 +44,7 @@ def test_compact_is_the_default_network() -> None:
 
 
 def test_what_the_names_promise() -> None:
-    configs = {name: load_network_config(name) for name in NAMES if not name.startswith("compact")}
+    configs = {name: load_network_config(name) for name in NAMES if not name.startswith(("compact", "multi"))}
     reading = {name for name, config in configs.items() if isinstance(config, StreamsConfig) and config.reads_language}
     names = {"clip_only", "cliport", "language_transporter", "rn50_bert", "untrained_sem"}
     assert reading == names | {f"{name}_rotator" for name in names}

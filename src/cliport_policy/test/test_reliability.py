@@ -26,8 +26,17 @@ def test_shares_by_hand() -> None:
     assert found.acted(0.5) == (0.5, 0.5)
     assert found.acted(0.7) == (0.25, 1.0)
     assert math.isnan(found.acted(0.9)[1])
+    assert len(found.foreign) == 0 and "not here" not in table(found)
     assert found.to_dict()["acted"]["0.9"] == [0.0, None]  # type: ignore[index]
     assert "none" in table(found).splitlines()[-1]
+
+
+def test_what_is_not_there_is_counted_beside_false_alarms() -> None:
+    nothing, foreign, own = np.zeros(1), np.array([0.9, 0.4, 0.6, 0.8]), np.array([0.1, 0.6])
+    found = Reliability(nothing, nothing, nothing, np.array([True]), 0, foreign, own)
+    assert found.absent_right(0.5) == (0.75, 0.5) and found.absent_right(0.7) == (0.5, 1.0)
+    assert found.to_dict()["absent"]["0.5"] == [0.75, 0.5]  # type: ignore[index]
+    assert "own not called so" in table(found)
 
 
 def test_the_command(

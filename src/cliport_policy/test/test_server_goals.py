@@ -131,3 +131,28 @@ def test_phases_are_passed_on_once_each() -> None:
         world.server.on_feedback(token, phase, world.now)
     world.server.on_feedback(token - 1, "OPEN", world.now)
     assert [s.message for s in world.statuses[-2:]] == ["step 1: DESCEND", "step 1: CLOSE"]
+
+
+def test_what_is_not_there_is_not_taken_for_done() -> None:
+    world = World()
+    world.say("put the purple blocks in a red bowl")
+    world.see()
+    world.think(absent=0.8, done=0.1)
+    assert world.state == PolicyState.FAILED and not world.goals
+    assert world.message == "what 'put the purple blocks in a red bowl' names is not to be seen"
+
+
+@pytest.mark.parametrize("text", ["stop", "Halt!", "cancel, please", "STOP NOW", "please stop it."])
+def test_words_that_mean_stop_end_what_is_going_on(text: str) -> None:
+    world = World()
+    world.start_moving()
+    world.say(text)
+    assert world.state == PolicyState.IDLE and len(world.cancelled) == 1
+    assert world.message == f"stopped by the instruction '{text}'"
+
+
+@pytest.mark.parametrize("text", ["stop the red block in the bowl", "put the red stop blocks in a bowl"])
+def test_a_sentence_that_holds_such_a_word_is_a_sentence(text: str) -> None:
+    world = World()
+    world.say(text)
+    assert world.state == PolicyState.OBSERVING

@@ -12,6 +12,9 @@ from safetensors.torch import load_file
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
 from cliport_policy.config import PAPER, RECOLORS, TrainConfig
+from cliport_policy.data.mixture import SourceSettings
+from cliport_policy.data.mixture_file import SourceEntry
+from cliport_policy.errors import ConfigError
 from cliport_policy.train import main
 from cliport_policy.training.log import ProgressLine
 from cliport_policy.training.options import parse_options
@@ -114,9 +117,16 @@ def test_a_gpu_that_is_not_here_is_one_line(capsys: pytest.CaptureFixture[str]) 
     assert capsys.readouterr().err.startswith("error: no CUDA device is here")
 
 
+def test_a_mixture_is_one_folder_of_data_sets() -> None:
+    options = parse_options(["--data", "ten", "--mixture", "ten", "--out", "o"])
+    assert len(options.data) == 10 and options.data[0].folder == Path("ten/put-blocks-in-bowls-seen-colors")
+    with pytest.raises(ConfigError, match="needs one --data"):
+        parse_options(["--data", "a", "--data", "b", "--mixture", "ten", "--out", "o"])
+
+
 def test_options_change_a_recipe() -> None:
     options = parse_options(["--data", "a:b:3", "--out", "o"])
-    assert options.train == TrainConfig() and options.data == ((Path("a:b"), 3.0),)
+    assert options.train == TrainConfig() and options.data == (SourceEntry(Path("a:b"), 3.0, SourceSettings()),)
     paper = parse_options(["--data", "a", "--out", "o", "--optimizer", "paper", "--batch", "8"]).train
     assert paper.batch_size == 8 and paper.targets == PAPER.targets == "one_hot"
 

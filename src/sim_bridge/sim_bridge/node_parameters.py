@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import asdict, dataclass, fields
 from typing import Any
 
 from rcl_interfaces.msg import ParameterDescriptor
@@ -12,7 +12,7 @@ from rclpy.node import Node
 from cliport_core import topics
 from panda_model import DEFAULT_PRESET, ArmModel, load_preset
 from sim_bridge.errors import SimBridgeError
-from sim_bridge.rendering.sensor_noise import NoiseConfig
+from sim_bridge.rendering.sensor_noise import NoiseConfig, SensorKind
 from sim_bridge.robot import HAND
 
 
@@ -27,7 +27,8 @@ class SimParameters:
     `trajectory_log` is the path of a file that gets a JSON line for each accepted trajectory; empty for none.
     `heartbeat_timeout` is wall time. `render_threads` 0 uses every core. `robot` is a preset of panda_model: its names
     and limits; an empty `base_frame`, `arm_action` or `gripper_action` is the preset's. `camera_mounting` is the path
-    of a YAML file that says where the camera stands; empty for the shipped one.
+    of a YAML file that says where the camera stands; empty for the shipped one. `camera_kind` is a SensorKind: the
+    defaults of what `noise.<name>` sets.
     """
 
     task: str = "put-blocks-in-bowls-seen-colors"
@@ -47,6 +48,7 @@ class SimParameters:
     robot: str = DEFAULT_PRESET
     base_frame: str = ""
     camera_mounting: str = ""
+    camera_kind: str = SensorKind.PLAIN.value
     camera_frame: str = "camera_color_optical_frame"
     arm_action: str = ""
     gripper_action: str = ""
@@ -83,11 +85,20 @@ def declare_parameters(node: Node) -> tuple[SimParameters, NoiseConfig]:
     Raises ParameterError for a value of the wrong kind or out of range.
     """
     parameters = {field.name: _declare(node, field.name, field.default) for field in fields(SimParameters)}
-    noise = {field.name: _declare(node, f"noise.{field.name}", field.default) for field in fields(NoiseConfig)}
+    defaults = asdict(NoiseConfig.of_kind(_kind(parameters["camera_kind"])))
+    noise = {name: _declare(node, f"noise.{name}", default) for name, default in defaults.items()}
     for name, value in noise.items():
         if value < 0.0:
             raise ParameterError(f"parameter noise.{name} must be zero or positive, got {value}")
     return SimParameters(**parameters), NoiseConfig(**noise)
+
+
+def _kind(name: str) -> SensorKind:
+    try:
+        return SensorKind(name)
+    except ValueError:
+        known = ", ".join(kind.value for kind in SensorKind)
+        raise ParameterError(f"parameter camera_kind is '{name}'; known are {known}") from None
 
 
 def _declare(node: Node, name: str, default: Any) -> Any:

@@ -8,8 +8,9 @@ import yaml
 
 from cliport_core import Pose, WorkspaceSpec
 from cliport_perception import CameraModel
+from cliport_perception.camera_file import CameraCalibration
 from sim_bridge.rendering.image_window import ImageWindow
-from sim_bridge.rendering.mounting import CameraCalibration, MountingError, load_camera
+from sim_bridge.rendering.mounting import MountingError, load_camera
 
 LENS = "width: 640, height: 480, fx: 500, fy: 501.5, cx: 320, cy: 240"
 

@@ -16,6 +16,9 @@ from numpy.typing import NDArray
 MAX_TRIES = 100
 _HEIGHT_ERROR = 0.002  # m, spread of the table's height through calibration errors
 _DIRECTION = re.compile(r"\b(left|right|top|bottom|front|back|near|far)\b")
+# Of several equal holes the middle one is what lies at no side; that of a stand or of three tiles turns with them.
+_MIDDLE_HOLE = re.compile(r"\bmiddle\b.*\bhole\b")
+_OWN_FRAME = re.compile(r"\brope\b.*\b(tip|corner)\b")  # of the rope's square: its front and left turn with it
 
 
 class PlanarTransform(NamedTuple):
@@ -76,8 +79,14 @@ def warp(channels: NDArray[np.float32], transform: PlanarTransform) -> NDArray[n
 
 
 def names_direction(instruction: str) -> bool:
-    """Return True if a sentence names a side of the scene, which turning the picture would falsify."""
-    return _DIRECTION.search(instruction.lower()) is not None
+    """Return True if a sentence says where something is, so that it may not be put elsewhere."""
+    text = instruction.lower()
+    return _DIRECTION.search(text) is not None or _MIDDLE_HOLE.search(text) is not None
+
+
+def is_falsified_by_turning(instruction: str) -> bool:
+    """Return True if a sentence names a side of the scene, not one of a thing that has a front of its own."""
+    return names_direction(instruction) and _OWN_FRAME.search(instruction.lower()) is None
 
 
 def jitter_color(color: NDArray[np.uint8], rng: np.random.Generator) -> NDArray[np.uint8]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Container, Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -11,15 +11,16 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from cliport_core.action import Primitive
 from cliport_core.heightmap import Heightmap
 from cliport_policy.config import TrainConfig
 from cliport_policy.data.augmentation import (
     PlanarTransform,
     draw_transform,
     identity_transform,
+    is_falsified_by_turning,
     jitter_color,
     jitter_height,
-    names_direction,
     warp,
 )
 from cliport_policy.data.mixture import Drawn
@@ -42,6 +43,8 @@ class Sample(NamedTuple):
     place: tuple[float, float]
     rotation: float  # place yaw - pick yaw, rad
     seed: int  # for the loss's random numbers
+    absent: bool = False
+    primitive: Primitive = Primitive.PICK_PLACE
 
 
 class Batch(NamedTuple):
@@ -57,6 +60,13 @@ class Batch(NamedTuple):
     rotation: Tensor  # (B,)
     seeds: Tensor  # (B,) int64, for the loss's random numbers
     goal_images: Tensor | None = None  # (B, 5, H, W)
+    absent: Tensor | None = None  # (B,) bool, what the sentence names is not there; None: in no sample
+    primitive: Tensor | None = None  # (B,) int64
+
+    @property
+    def acts(self) -> Tensor:
+        """Samples that show an action: (B,) bool."""
+        return ~self.done if self.absent is None else ~(self.done | self.absent)
 
     def to(self, device: torch.device) -> Batch:
         """Return the batch on a device; the seeds stay on the CPU, on which random numbers are drawn."""
@@ -70,11 +80,18 @@ class Batch(NamedTuple):
 class Phrasebook:
     """Fixed number of wordings for each goal, drawn once, so that their embeddings can be kept."""
 
-    def __init__(self, instructions: Iterable[str], phrases_per_goal: int, rng: np.random.Generator) -> None:
+    def __init__(
+        self,
+        instructions: Iterable[str],
+        phrases_per_goal: int,
+        rng: np.random.Generator,
+        unchanging: Container[str] = (),
+    ) -> None:
+        """Draw the wordings; those in `unchanging` have one only."""
         self._phrases: dict[str, list[str]] = {}
         for text in sorted(set(instructions)):
             wordings = {text}
-            for _ in range(phrases_per_goal):
+            for _ in range(0 if text in unchanging else phrases_per_goal):
                 wordings.add(paraphrase(text, rng))
             self._phrases[text] = sorted(wordings)
 
@@ -101,17 +118,18 @@ def make_sample(
     arrangement, which a goal image would not show.
     """
     demo, paints = drawn.demo, None
-    if recoloring is not None and rng.random() < config.recolor_probability:
+    settings = drawn.settings
+    if recoloring is not None and settings.recolor and rng.random() < config.recolor_probability:
         paints = recoloring.draw(drawn, rng)
     sentence = demo.instruction if paints is None else paints.sentence(demo.instruction)
     phrase, seed = phrasebook.draw(sentence, rng), int(rng.integers(2**62))
     observation = drawn.data.observation(drawn.frame)
-    if config.rearrange_probability and rng.random() < config.rearrange_probability:
+    if config.rearrange_probability and settings.rearrange and rng.random() < config.rearrange_probability:
         observation, demo = rearranged(observation, demo, rng)
     transform = identity_transform()
     if rng.random() < config.augment_probability:
-        keep = [] if demo.done else [demo.pick_pixel, demo.place_pixel]
-        directed = names_direction(demo.instruction)
+        keep = [demo.pick_pixel, demo.place_pixel] if demo.acts else []
+        directed = is_falsified_by_turning(demo.instruction)
         sigma = config.directed_rotation_sigma_deg if directed else config.rotation_sigma_deg
         transform = draw_transform(observation.valid.shape, keep, sigma, config.translation_sigma_px, rng)
     look = int(rng.integers(2**62)) if config.jitter else None
@@ -121,6 +139,8 @@ def make_sample(
         goal_image=goal,
         phrase=phrase,
         done=demo.done,
+        absent=demo.absent,
+        primitive=demo.primitive,
         pick=transform.pixel(demo.pick_pixel),
         pick_yaw=demo.pick_yaw + transform.angle,
         pick_yaw_period=demo.pick_yaw_period,
@@ -157,6 +177,8 @@ def collate(samples: Sequence[Sample]) -> Batch:
         rotation=torch.tensor([s.rotation for s in samples]),
         seeds=torch.tensor([s.seed for s in samples]),
         goal_images=_stack(goals) if goals else None,
+        absent=torch.tensor([s.absent for s in samples]),
+        primitive=torch.tensor([int(s.primitive) for s in samples]),
     )
 
 

@@ -20,7 +20,7 @@ from cliport_core.pose import PlanarPose
 from cliport_core.workspace import WorkspaceSpec
 from cliport_policy.errors import DataError
 
-FORMAT_VERSION = 2
+FORMAT_VERSION = 3  # 3 added the column `things` and demonstrations of goals that were reached before
 # Step of height_png [m], which counts from the workspace's z_min. Finer steps would store the sensor's noise and double
 # the size of files.
 HEIGHT_UNIT = 5e-4
@@ -45,6 +45,9 @@ DEMO_TYPE = pa.struct(
         ("place_yaw", pa.float32()),
     ]
 )
+THING_TYPE = pa.struct(
+    [("name", pa.string()), ("color", pa.string()), ("rgb", pa.int32()), ("row", pa.int32()), ("col", pa.int32())]
+)
 SCHEMA = pa.schema(
     [
         ("task", pa.string()),
@@ -56,6 +59,7 @@ SCHEMA = pa.schema(
         ("height_png", pa.binary()),
         ("valid_png", pa.binary()),
         ("demos", pa.list_(DEMO_TYPE)),
+        ("things", pa.list_(THING_TYPE)),
     ]
 )
 
@@ -109,9 +113,28 @@ class Demo:
         )
 
 
+@dataclass(frozen=True)
+class SeenThing:
+    """One thing on the table, in words.
+
+    name: what sentences call it. color: the benchmark's name of its colour, "" for what has one of its own.
+    rgb: 0xRRGGBB, its colour where its mesh has none. Pixel of its origin; -1 outside the workspace.
+    """
+
+    name: str
+    color: str
+    rgb: int
+    row: int
+    col: int
+
+
 @dataclass(frozen=True, eq=False)
 class Row:
-    """One observation and its demonstrations; demos[0] is for the episode's own goal."""
+    """One observation and its demonstrations.
+
+    demos[0] is for the episode's own goal; those of goals that were reached before are done.
+    things: all that lies on the table, distractors too.
+    """
 
     task: str
     split: str
@@ -120,6 +143,7 @@ class Row:
     step: int
     heightmap: Heightmap
     demos: tuple[Demo, ...]
+    things: tuple[SeenThing, ...] = ()
 
 
 def part_path(folder: Path, index: int) -> Path:
@@ -137,7 +161,8 @@ def write_part(path: Path, rows: list[Row]) -> None:
     for row in rows:
         color, height, valid = encode_heightmap(row.heightmap)
         which = (row.task, row.split, row.seed, row.episode, row.step)
-        values = (*which, color, height, valid, [asdict(d) for d in row.demos])
+        words = [asdict(demo) for demo in row.demos], [asdict(thing) for thing in row.things]
+        values = (*which, color, height, valid, *words)
         for name, value in zip(SCHEMA.names, values, strict=True):
             columns[name].append(value)
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
@@ -157,7 +182,8 @@ def read_part(path: Path, workspace: WorkspaceSpec) -> list[Row]:
         DataError: if the file is absent or not a part.
     """
     try:
-        records = pq.read_table(path, schema=SCHEMA).to_pylist()
+        present = set(pq.read_schema(path).names)
+        records = pq.read_table(path, columns=[name for name in SCHEMA.names if name in present]).to_pylist()
     except (OSError, pa.ArrowException) as error:
         reason = str(error).splitlines()[0]
         raise DataError(f"cannot read {path}: {reason}; generate it again") from error
@@ -174,6 +200,7 @@ def read_part(path: Path, workspace: WorkspaceSpec) -> list[Row]:
                 step=record["step"],
                 heightmap=heightmap,
                 demos=demos,
+                things=tuple(SeenThing(**values) for values in record.get("things", ())),
             )
         )
     return rows

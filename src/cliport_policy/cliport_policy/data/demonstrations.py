@@ -22,14 +22,16 @@ from cliport_core.workspace import WorkspaceSpec
 from cliport_policy.data.encoded_rows import IMAGES, EncodedRows, Place
 from cliport_policy.errors import DataError
 
-FORMAT_VERSIONS = (1, 2)  # what differs between them is not read here
+FORMAT_VERSIONS = (1, 2, 3)  # 1 has no primitives, 1 and 2 do not list the things on the table
 HEIGHT_UNIT = 1e-4  # m: of stored heights above the workspace's z_min, where a data set does not say
 CACHE_BYTES = 4 << 30  # of encoded observations in memory: about 40,000
 
 
 @dataclass(frozen=True)
 class Demonstration:
-    """The expert's action for one instruction in one observation; done: nothing remains, and no poses are given.
+    """The expert's action for one instruction in one observation.
+
+    done: nothing remains; absent: the sentence names what is not there. No poses are given then.
 
     Pixels are (row, col); yaws are rad about +z; the picked object looks the same every pick_yaw_period rad.
     """
@@ -42,17 +44,27 @@ class Demonstration:
     place_pixel: tuple[int, int]
     place_yaw: float
     primitive: Primitive = Primitive.PICK_PLACE
+    absent: bool = False
+
+    @property
+    def acts(self) -> bool:
+        """True if there is something to be done."""
+        return not (self.done or self.absent)
 
 
 @dataclass(frozen=True)
 class Frame:
-    """One observation's place on disk, and the demonstrations given in it (the first is the episode's own)."""
+    """One observation's place on disk, and the demonstrations given in it (the first is the episode's own).
+
+    things: (colour, name) of each kind of thing on the table, sorted; empty where the data set does not say.
+    """
 
     place: Place
     demos: tuple[Demonstration, ...]
     task: str
     episode: int
     step: int
+    things: tuple[tuple[str, str], ...] = ()
 
 
 class Index(NamedTuple):
@@ -192,7 +204,7 @@ def _read_meta(folder: Path) -> dict[str, Any]:
         raise DataError(f"{path} is not JSON ({error}): generate the data set again") from error
     if not isinstance(meta, dict) or meta.get("version") not in FORMAT_VERSIONS:
         version = meta.get("version") if isinstance(meta, dict) else None
-        known = " and ".join(str(version) for version in FORMAT_VERSIONS)
+        known = ", ".join(str(version) for version in FORMAT_VERSIONS)
         raise DataError(f"{path} has version {version!r}, this reader knows {known}: generate again")
     return meta
 
@@ -212,7 +224,9 @@ def _read_part(path: Path, number: int, task: str) -> Iterator[Frame]:
                     if not demos:
                         raise ValueError(f"episode {values['episode']} has no demonstration")
                     place = Place(number, group, row)
-                    yield Frame(place, demos, values.get("task", task), values["episode"], values["step"])
+                    kinds = {(thing["color"], thing["name"]) for thing in values.get("things") or ()}
+                    where = (values.get("task", task), values["episode"], values["step"])
+                    yield Frame(place, demos, *where, tuple(sorted(kinds)))
     except (OSError, ValueError, KeyError, TypeError, pa.ArrowException) as error:
         reason = " ".join(str(error).split())[:160]
         raise DataError(f"{path} can't be read ({reason}): delete it and run generate again") from error

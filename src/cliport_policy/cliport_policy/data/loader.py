@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cliport_policy.config import TrainConfig
+from cliport_policy.data.absences import Absences
 from cliport_policy.data.batches import Batch, Phrasebook, collate, make_sample
-from cliport_policy.data.mixture import Mixture
+from cliport_policy.data.mixture import Drawn, Mixture
 from cliport_policy.data.recolor import Recoloring
 
 THREADS = min(8, os.cpu_count() or 1)
@@ -49,6 +50,7 @@ class Loader:
         """Prepare to make share `rank` of the `world_size` equal shares of each step."""
         self._mixture, self._phrasebook, self._recoloring, self._config = mixture, phrasebook, recoloring, config
         self._rank, self._world_size = rank, world_size
+        self._absences = Absences(mixture) if config.absent_share else None
 
     def steps(self, first: int, threads: int = THREADS) -> Generator[StepBatches]:
         """Yield steps from `first` on, one made ahead by each thread.
@@ -80,15 +82,21 @@ class Loader:
         chosen = self._mixture.draw(config.batch_size, np.random.default_rng((config.seed, number)))
         parts = np.array_split(np.arange(config.batch_size), self._world_size * config.accumulate)
         mine = parts[self._rank * config.accumulate : (self._rank + 1) * config.accumulate]
-        actions = sum(not self._mixture[int(i)].demo.done for i in chosen)
-        return StepBatches(
-            [self._batch(chosen, number, part) for part in mine if len(part)], config.batch_size, actions
-        )
+        drawn = [self._draw(int(index), number, position) for position, index in enumerate(chosen)]
+        actions = sum(one.demo.acts for one in drawn)
+        return StepBatches([self._batch(drawn, number, part) for part in mine if len(part)], config.batch_size, actions)
 
-    def _batch(self, chosen: NDArray[np.intp], number: int, part: NDArray[np.intp]) -> Batch:
+    def _draw(self, index: int, number: int, position: int) -> Drawn:
+        """Return a demonstration of the mixture, or its scene under a sentence about what is not in it."""
+        drawn = self._mixture[index]
+        if self._absences is None:
+            return drawn
+        rng = np.random.default_rng((self._config.seed, number, position, 1))
+        return self._absences.draw(drawn, rng) if rng.random() < self._config.absent_share else drawn
+
+    def _batch(self, drawn: list[Drawn], number: int, part: NDArray[np.intp]) -> Batch:
         samples = []
         for position in part:
             rng = np.random.default_rng((self._config.seed, number, int(position)))
-            drawn = self._mixture[int(chosen[position])]
-            samples.append(make_sample(drawn, self._phrasebook, self._recoloring, self._config, rng))
+            samples.append(make_sample(drawn[position], self._phrasebook, self._recoloring, self._config, rng))
         return collate(samples)

@@ -22,11 +22,25 @@ from cliport_policy.errors import DataError
 
 
 @dataclass(frozen=True)
+class SourceSettings:
+    """Switches of what a training may do to a data set's scenes and sentences, where it does that at all.
+
+    recolor: False for things that are known by their own colours. rearrange: False for things that may not lie
+    anywhere. paraphrase: False leaves its sentences as they are.
+    """
+
+    recolor: bool = True
+    rearrange: bool = True
+    paraphrase: bool = True
+
+
+@dataclass(frozen=True)
 class Source:
-    """Data set and its weight, relative to the others'."""
+    """Data set, its weight relative to the others', and what may be done to its scenes."""
 
     data: DemonstrationSet
     weight: float = 1.0
+    settings: SourceSettings = SourceSettings()
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.weight) and self.weight > 0):
@@ -43,6 +57,7 @@ class Drawn(NamedTuple):
     frame: Frame
     demo: Demonstration
     goal: Frame | None
+    settings: SourceSettings = SourceSettings()
 
 
 class Mixture:
@@ -82,7 +97,7 @@ class Mixture:
         number, (frame, demo) = self._samples[index]
         data, goals = self.sources[number].data, self._goals[number]
         goal = None if goals is None else data.frames[goals[frame]]
-        return Drawn(data, data.frames[frame], data.frames[frame].demos[demo], goal)
+        return Drawn(data, data.frames[frame], data.frames[frame].demos[demo], goal, self.sources[number].settings)
 
     def draw(self, count: int, rng: np.random.Generator) -> NDArray[np.intp]:
         """Draw indices of `count` demonstrations, with replacement."""
@@ -91,6 +106,15 @@ class Mixture:
     def instructions(self) -> list[str]:
         """Return each sentence once, sorted."""
         return sorted({self.sources[i].data.demo(sample).instruction for i, sample in self._samples})
+
+    def unchanging_instructions(self) -> set[str]:
+        """Return the sentences that no source allows to be reworded."""
+        found: dict[str, bool] = {}
+        for i, sample in self._samples:
+            source = self.sources[i]
+            sentence = source.data.demo(sample).instruction
+            found[sentence] = found.get(sentence, False) or source.settings.paraphrase
+        return {sentence for sentence, reworded in found.items() if not reworded}
 
     def _drawable_samples(self, number: int) -> list[Index]:
         data, goals = self.sources[number].data, self._goals[number]

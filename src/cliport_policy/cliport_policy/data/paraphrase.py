@@ -12,6 +12,8 @@ from typing import TypeVar
 
 import numpy as np
 
+from cliport_policy.data.phrasings import is_imperative, reword
+
 T = TypeVar("T")
 
 _CANONICAL = re.compile(r"^put the (?P<block>[a-z]+) blocks? in (?:a|the) (?P<bowl>[a-z]+) bowls?$")
@@ -25,7 +27,6 @@ _BLOCKS = (
     ("cube", "cubes"),
     ("block", "blocks"),
     ("brick", "bricks"),
-    ("box", "boxes"),
     ("toy block", "toy blocks"),
     ("piece", "pieces"),
     ("object", "objects"),
@@ -60,6 +61,7 @@ _OPENINGS = (
     "go and ",
     "kindly ",
 )
+_GREETED_SHARE = 0.35  # of imperatives
 _ENDINGS = (
     " please",
     ", please",
@@ -119,9 +121,13 @@ def parse_canonical(instruction: str) -> tuple[str, str] | None:
 
 def paraphrase(instruction: str, rng: np.random.Generator) -> str:
     """Return another wording of a canonical instruction; a sentence of another kind is returned unchanged."""
-    colors = parse_canonical(instruction)
-    if colors is None or rng.random() < 0.1:
+    if rng.random() < 0.1:
         return instruction
+    colors = parse_canonical(instruction)
+    if colors is None:
+        sentence = reword(instruction, rng)
+        greeted_share = _GREETED_SHARE if sentence and is_imperative(sentence) else 0.0
+        return instruction if sentence is None else _dressed(sentence, rng, greeted_share)
     plural = rng.random() < 0.5
     block = _thing_phrase(colors[0], _BLOCKS, plural, rng)
     bowl = _thing_phrase(colors[1], _BOWLS, rng.random() < 0.15, rng)
@@ -136,11 +142,7 @@ def paraphrase(instruction: str, rng: np.random.Generator) -> str:
         b="belong" if plural else "belongs",
         e="are" if plural else "is",
     )
-    if imperative and rng.random() < 0.35:
-        sentence = _pick(_OPENINGS, rng) + sentence
-    if rng.random() < 0.3:
-        sentence += _pick(_ENDINGS, rng)
-    return _finish(sentence, rng)
+    return _dressed(sentence, rng, _GREETED_SHARE if imperative else 0.0)
 
 
 def _thing_phrase(color: str, nouns: tuple[tuple[str, str], ...], plural: bool, rng: np.random.Generator) -> str:
@@ -163,6 +165,14 @@ def _thing_phrase(color: str, nouns: tuple[tuple[str, str], ...], plural: bool, 
     else:
         phrase = f"{noun} which {'are' if plural else 'is'} {color}" if rng.random() < 0.5 else f"{noun} in {color}"
     return f"{quantifier} {phrase}".strip()
+
+
+def _dressed(sentence: str, rng: np.random.Generator, greeted_share: float = 0.0) -> str:
+    if greeted_share and rng.random() < greeted_share:
+        sentence = _pick(_OPENINGS, rng) + sentence
+    if rng.random() < 0.3:
+        sentence += _pick(_ENDINGS, rng)
+    return _finish(sentence, rng)
 
 
 def _finish(sentence: str, rng: np.random.Generator) -> str:

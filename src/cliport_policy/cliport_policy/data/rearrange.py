@@ -49,19 +49,19 @@ def rearranged(scene: Heightmap, demo: Demonstration, rng: np.random.Generator) 
     if names_direction(demo.instruction):
         return scene, demo
     things = find_things(scene)
-    pick = None if demo.done else _thing_at(things, demo.pick_pixel)
-    place = None if demo.done else _thing_at(things, demo.place_pixel)
+    pick = _thing_at(things, demo.pick_pixel) if demo.acts else None
+    place = _thing_at(things, demo.place_pixel) if demo.acts else None
     bare = scene.valid & ~raised(scene) & ~np.any([thing.mask for thing in things], axis=0)
-    if (pick is None and not demo.done) or not bare.any():
+    if (pick is None and demo.acts) or not bare.any():
         return scene, demo
     taken = np.zeros(scene.valid.shape, np.uint8)
-    if place is None and not demo.done:
+    if place is None and demo.acts:
         cv2.circle(taken, (demo.place_pixel[1], demo.place_pixel[0]), _FREE_RADIUS, 1, -1)
     cutouts = _place_things(scene, things, taken.astype(bool), rng)
     if cutouts is None:
         return scene, demo
     moved = _compose(scene, things, cutouts, np.flatnonzero(bare), rng)
-    return moved, demo if demo.done else _move_poses(demo, cutouts, pick, place)
+    return moved, _move_poses(demo, cutouts, pick, place) if demo.acts else demo
 
 
 def _thing_at(things: Sequence[Thing], pixel: tuple[int, int]) -> int | None:

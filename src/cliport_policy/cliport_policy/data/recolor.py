@@ -80,7 +80,7 @@ class Recoloring:
         self._first_actions: dict[_Key, Drawn] = {}
         for i in range(len(mixture)):
             drawn = mixture[i]
-            if not drawn.demo.done:
+            if drawn.demo.acts and drawn.settings.recolor:
                 self._first_actions.setdefault(_key(drawn), drawn)
         self._named: dict[_Key, dict[str, Lab]] = {}
         self._palette = self._learn_palette(rng)
@@ -102,7 +102,7 @@ class Recoloring:
 
     def draw(self, drawn: Drawn, rng: np.random.Generator) -> Repainting | None:
         """Draw a repainting; None if the sentence names no colour that was recognised in its episode."""
-        changes, named = self._changes[drawn.demo.instruction], self._colors_of(_key(drawn))
+        changes, named = self._changes.get(drawn.demo.instruction), self._colors_of(_key(drawn))
         if not changes or not named:
             return None
         weights = self._weights[drawn.demo.instruction]

@@ -12,12 +12,15 @@ from torch import Tensor
 
 from cliport_policy.blank import blank_modules
 from cliport_policy.checkpoint import ANCHORS
+from cliport_policy.color_words import load_color_head
 from cliport_policy.config import NetworkConfig
 from cliport_policy.encoders.files import models_folder
 from cliport_policy.encoders.registry import shared_encoders, with_available_encoder
 from cliport_policy.errors import CheckpointError, ConfigError
+from cliport_policy.joint_config import JointConfig
 from cliport_policy.named_configs import AnyNetworkConfig
 from cliport_policy.networks.compact.network import CompactNetwork
+from cliport_policy.networks.joint.network import JointNetwork
 from cliport_policy.networks.policy_network import PolicyNetwork
 from cliport_policy.networks.streams.network import StreamsNetwork
 from cliport_policy.settings import check_choice
@@ -35,6 +38,11 @@ def build_network(config: AnyNetworkConfig) -> PolicyNetwork:
     """
     if isinstance(config, NetworkConfig):
         return CompactNetwork(config)
+    if isinstance(config, JointConfig):
+        network = JointNetwork(config)
+        if network.color_maps is not None:
+            network.color_maps.head.load_state_dict(load_color_head(config.color_words).state_dict())
+        return network
     config = with_available_encoder(config)
     return StreamsNetwork(config, shared_encoders(config))
 
@@ -74,6 +82,9 @@ def _network_without_weights(config: AnyNetworkConfig, precision: str) -> tuple[
     if isinstance(config, NetworkConfig):
         with blank_modules():
             return CompactNetwork(config), torch.float32
+    if isinstance(config, JointConfig):
+        with blank_modules():
+            return JointNetwork(config), torch.float32
     fast = precision == "bfloat16" or (precision == "auto" and has_fast_bfloat16())
     dtype = torch.bfloat16 if fast else torch.float32
     encoders = shared_encoders(config, dtype)

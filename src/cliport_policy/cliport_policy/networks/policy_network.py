@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 from torch import Tensor, nn
 
@@ -14,19 +14,28 @@ from cliport_policy.networks.rotation import bin_angles
 
 @dataclass(frozen=True)
 class Goal:
-    """Batch of goals.
+    """Batch of goals, and what a network has seen of their scenes.
 
     language: (B, D), the sentences' vectors. images: (B, 5, H, W), the finished scenes, if given.
+    tokens: (B, T, ...), the words' frozen embeddings, and words, what the network made of them; mask: (B, T), True at
+    a word. seen: features (B, ...) of the observations, which `look` adds.
     """
 
     language: Tensor | None = None
     images: Tensor | None = None
+    tokens: Tensor | None = None
+    words: Tensor | None = None
+    mask: Tensor | None = None
+    seen: tuple[Tensor, ...] = ()
 
     def select(self, index: Tensor) -> Goal:
         """Return the goals of some entries: a bool mask (B,) or indices."""
-        language = None if self.language is None else self.language[index]
-        images = None if self.images is None else self.images[index]
-        return Goal(language, images)
+        one = {
+            field.name: None if getattr(self, field.name) is None else getattr(self, field.name)[index]
+            for field in fields(self)
+            if field.name != "seen"
+        }
+        return Goal(**one, seen=tuple(features[index] for features in self.seen))
 
 
 class PolicyNetwork(nn.Module, ABC):
@@ -38,6 +47,7 @@ class PolicyNetwork(nn.Module, ABC):
 
     config: AnyNetworkConfig
     cell_size: int
+    n_null = 1  # logits of the pick that stand for no cell: "done", then "not here" where it is told apart
 
     @property
     def needs_goal_image(self) -> bool:
@@ -63,9 +73,20 @@ class PolicyNetwork(nn.Module, ABC):
         images: (B, 5, H, W), the finished scenes, if the network needs them.
         """
 
+    def look(self, images: Tensor, goal: Goal) -> Goal:
+        """Return the goals with what the scores have in common, so that it is computed once; themselves if nothing."""
+        return goal
+
+    def score_primitives(self, images: Tensor, goal: Goal) -> Tensor | None:
+        """Return logits (B, number of primitives); None where the demonstrations' one is taken."""
+        return None
+
     @abstractmethod
     def score_picks(self, images: Tensor, goal: Goal) -> Tensor:
-        """Return logits (B, h * w + 1), the last one the null action's: nothing remains to be done."""
+        """Return logits (B, h * w + n_null), the last ones the null actions'.
+
+        The first of them is "nothing remains to be done", the second "what the sentence names is not here".
+        """
 
     @abstractmethod
     def score_yaws(self, images: Tensor, goal: Goal, pick: Tensor, angles: Tensor) -> Tensor | None:

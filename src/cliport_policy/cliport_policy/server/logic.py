@@ -11,7 +11,7 @@ from typing import Any
 from cliport_core import topics
 from cliport_core.action import ActionGoal, Primitive
 from cliport_core.errors import InstructionError
-from cliport_core.instruction import normalized_instruction
+from cliport_core.instruction import asks_to_stop, normalized_instruction
 from cliport_core.outcome import ActionResult, Outcome
 from cliport_core.policy_state import PolicyState, ServerStatus
 from cliport_policy.errors import PolicyError
@@ -70,7 +70,10 @@ class PolicyServer:
     # what people ask for
 
     def on_instruction(self, text: str, now: Moment) -> None:
-        """Take a new instruction; an empty one stops the current. A busy server drops what it was doing."""
+        """Take a new instruction; an empty one, stop, halt and cancel end the current.
+
+        A busy server drops what it was doing.
+        """
         was_busy = self._status.state in BUSY
         self._abandon(now)
         try:
@@ -81,9 +84,10 @@ class PolicyServer:
             self._fail(str(error))
             return
         self._status = self._status._replace(instruction=instruction, step=0)
-        if not instruction:
-            message = "stopped by an empty instruction" if was_busy else "nothing to do: the instruction is empty"
-            self._enter(PolicyState.IDLE, message)
+        if asks_to_stop(instruction):
+            said = f"'{instruction}'" if instruction else "empty"
+            busy = f"stopped by the instruction {said}" if instruction else "stopped by an empty instruction"
+            self._enter(PolicyState.IDLE, busy if was_busy else f"nothing to do: the instruction is {said}")
             return
         if self._stopped:
             self._fail(f"the server is stopped: call {topics.RESUME} first")
@@ -141,6 +145,8 @@ class PolicyServer:
         if inference.done_probability >= config.done_threshold:
             done = f"the goal looks reached after {step} steps" if step else "the goal looks reached already"
             self._enter(PolicyState.DONE, done)
+        elif inference.absent_probability >= config.absent_threshold:
+            self._fail(f"what '{self._status.instruction}' names is not to be seen")
         elif step >= config.max_steps:
             self._fail(f"step limit of {config.max_steps} reached")
         elif inference.confidence < config.min_confidence:

@@ -23,7 +23,8 @@ TRY_AGAIN = (Outcome.GRASP_MISSED, Outcome.DROPPED)
 class ServerConfig:
     """Limits of the server; all times [s].
 
-    done_threshold: done probability from which the goal counts as reached; min_confidence: of pick and place;
+    done_threshold: done probability from which the goal counts as reached; absent_threshold: probability from which
+    what the sentence names counts as not there; min_confidence: of pick and place;
     retries: how often in a row a missed or dropped object is tried again; settle: rest after a motion;
     max_proposal_age: how old an observation may be when its proposal is approved; look_back: how much older than the
     instruction it may be, for replays, whose scene nobody rearranges.
@@ -32,6 +33,7 @@ class ServerConfig:
     max_steps: int = 8
     require_approval: bool = False
     done_threshold: float = 0.5
+    absent_threshold: float = 0.5
     min_confidence: float = 0.02
     retries: int = 2
     max_observation_age: float = 1.0
@@ -50,7 +52,7 @@ class ServerConfig:
             raise ConfigError(f"max_steps must be >= 1 and retries >= 0, got {self.max_steps}, {self.retries}")
         if not self.look_back >= 0.0:
             raise ConfigError(f"look_back must be 0 or more, got {self.look_back}")
-        for name in ("done_threshold", "min_confidence"):
+        for name in ("done_threshold", "absent_threshold", "min_confidence"):
             if not 0.0 <= getattr(self, name) <= 1.0:
                 raise ConfigError(f"{name} must be in 0..1, got {getattr(self, name)}")
         for name in (f.name for f in fields(self) if f.name.endswith(("_timeout", "_age"))):

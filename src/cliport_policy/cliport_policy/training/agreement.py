@@ -47,13 +47,13 @@ def agreement(network: PolicyNetwork, data: Mixture, indices: Iterable[int]) -> 
         n += 1
         demo = data[index].demo
         batch = collate([make_sample(data[index], phrasebook, None, plain, rng)]).to(device)
-        goal = network.encode_goal(batch.phrases, batch.goal_images)
+        goal = network.look(batch.images, network.encode_goal(batch.phrases, batch.goal_images))
         logits = network.score_picks(batch.images, goal)[0]
-        _tally(hits["done"], (float(logits.softmax(0)[-1]) > 0.5) == demo.done)
+        _tally(hits["done"], (float(logits.softmax(0)[-network.n_null]) > 0.5) == demo.done)
         if demo.done:
             continue
         cols = batch.images.shape[-1] // cell
-        best = int(logits[:-1].argmax())
+        best = int(logits[: -network.n_null].argmax())
         _tally(hits["pick"], _within((cell * (best // cols), cell * (best % cols)), demo.pick_pixel, radius))
         yaws, places = network.score_rotations(batch.images, goal, batch.pick)
         yaw = 0.0 if yaws is None else int(yaws[0].argmax()) * 2 * math.pi / network.config.n_rotations

@@ -19,15 +19,24 @@ CELL_SIGMA = 0.8  # softness of the pick's and the place's target, in cells
 
 
 class Losses(NamedTuple):
-    """Mean losses (scalars); locator counts every sample, the others those with an action."""
+    """Losses (scalars).
+
+    locator, done and absent are of the pick's softmax, summed over samples with an action, samples that are finished,
+    and samples whose sentence names what is not there, each over the number of all samples; the others are means over
+    the samples with an action.
+    """
 
     locator: Tensor
     rotator: Tensor
     transport: Tensor
+    done: Tensor
+    absent: Tensor
+    primitive: Tensor
 
     def total(self) -> Tensor:
         """Return the weighted sum that is minimised."""
-        return self.locator + 0.3 * self.rotator + self.transport
+        picks = self.locator + self.done + self.absent
+        return picks + 0.3 * self.rotator + self.transport + 0.3 * self.primitive
 
 
 def compute_losses(
@@ -37,21 +46,42 @@ def compute_losses(
 
     samples, actions: numbers of the whole step if this batch is a part of one: the parts' losses sum up to the whole's.
     """
-    goal = network.encode_goal(batch.phrases, batch.goal_images)
-    act = ~batch.done
+    goal = network.look(batch.images, network.encode_goal(batch.phrases, batch.goal_images))
+    act = batch.acts
     n_samples, n_actions = samples or len(act), actions or int(act.sum())
     cell = network.cell_size
     size = (batch.images.shape[-2] // cell, batch.images.shape[-1] // cell)
-    location = _cells(batch.pick, size, cell, config).flatten(1)  # (B, h w)
-    target = torch.cat((location * act[:, None], batch.done[:, None].float()), dim=1)
-    locator = soft_cross_entropy(network.score_picks(batch.images, goal).float(), target).sum() / n_samples
+    picks = _pick_losses(network, batch, goal, size, config) / n_samples  # (B,)
+    by_kind = [(picks * chosen).sum() for chosen in (act, batch.done, ~act & ~batch.done)]
     if not act.any():
-        return Losses(locator, locator.new_zeros(()), locator.new_zeros(()))
-    noise = _SampleNoise(batch.seeds[~batch.done.cpu()], network.config.n_rotations, batch.images.device)
+        zero = picks.new_zeros(())
+        return Losses(by_kind[0], zero, zero, by_kind[1], by_kind[2], zero)
+    noise = _SampleNoise(batch.seeds[act.cpu()], network.config.n_rotations, batch.images.device)
     images, goal = batch.images[act], goal.select(act)
-    rotator = _rotator_losses(network, batch, images, goal, config, noise)
-    transport = _transport_losses(network, batch, images, goal, size, config, noise)
-    return Losses(locator, rotator.sum() / n_actions, transport.sum() / n_actions)
+    rotator = _rotator_losses(network, batch, images, goal, config, noise).sum() / n_actions
+    transport = _transport_losses(network, batch, images, goal, size, config, noise).sum() / n_actions
+    primitive = _primitive_losses(network, batch, images, goal).sum() / n_actions
+    return Losses(by_kind[0], rotator, transport, by_kind[1], by_kind[2], primitive)
+
+
+def _pick_losses(
+    network: PolicyNetwork, batch: Batch, goal: Goal, size: tuple[int, int], config: TrainConfig
+) -> Tensor:
+    """Return the losses (B,) of the softmax over cells and null actions."""
+    cells = _cells(batch.pick, size, network.cell_size, config).flatten(1) * batch.acts[:, None]  # (B, h w)
+    nulls = [batch.done, ~batch.acts & ~batch.done][: network.n_null]
+    if network.n_null == 1:
+        nulls = [~batch.acts]  # a network that can't tell them apart
+    target = torch.cat((cells, torch.stack(nulls, dim=1).to(cells.dtype)), dim=1)
+    return soft_cross_entropy(network.score_picks(batch.images, goal).float(), target)
+
+
+def _primitive_losses(network: PolicyNetwork, batch: Batch, images: Tensor, goal: Goal) -> Tensor:
+    """Return the losses (A,) of the samples with an action; 0 for a network that chooses no primitive."""
+    logits = network.score_primitives(images, goal)
+    if logits is None or batch.primitive is None:
+        return images.new_zeros(len(images))
+    return F.cross_entropy(logits.float(), batch.primitive[batch.acts], reduction="none")
 
 
 class _SampleNoise:
@@ -70,7 +100,7 @@ def _rotator_losses(
     network: PolicyNetwork, batch: Batch, images: Tensor, goal: Goal, config: TrainConfig, noise: _SampleNoise
 ) -> Tensor:
     """Return the losses (A,) of the samples with an action."""
-    act = ~batch.done
+    act = batch.acts
     make = yaw_target if config.targets == "soft" else yaw_label
     bins = make(batch.pick_yaw[act], batch.pick_yaw_period[act], network.config.n_rotations)  # (A, k)
     chosen, _ = _draw_competitors(bins.argmax(1), noise.yaws, config.rotator_rotations)  # (A, R) bin indices
@@ -94,7 +124,7 @@ def _transport_losses(
     noise: _SampleNoise,
 ) -> Tensor:
     """Return the losses (A,) of the samples with an action."""
-    act = ~batch.done
+    act = batch.acts
     angles = bin_angles(network.config.n_rotations, images.device)
     right = torch.round(batch.rotation[act] / (2 * math.pi / len(angles))).long() % len(angles)  # (A,)
     chosen, slot = _draw_competitors(right, noise.places, config.transport_rotations)  # (A, R), (A,)

@@ -14,6 +14,8 @@ import yaml
 from cliport_core.command_line import CommandParser
 from cliport_policy.config import RECIPES, TrainConfig
 from cliport_policy.data.demonstrations import CACHE_BYTES
+from cliport_policy.data.mixture import SourceSettings
+from cliport_policy.data.mixture_file import SourceEntry, mixture_names, read_mixture
 from cliport_policy.errors import ConfigError
 from cliport_policy.named_configs import AnyNetworkConfig, config_names, load_network_config
 from cliport_policy.settings import check_keys
@@ -29,7 +31,7 @@ class TrainOptions:
     """Options of a training.
 
     config_name: stem of the network's config, "" with --init, where the checkpoint's card knows it.
-    data: folders with their weights; n_demos: number of episodes of each task.
+    data: folders with their weights and settings; n_demos: number of episodes of each task.
     initial: the checkpoint to begin with; None: random weights.
     """
 
@@ -37,7 +39,7 @@ class TrainOptions:
     network: AnyNetworkConfig
     initial: Initial | None
     train: TrainConfig
-    data: tuple[tuple[Path, float], ...]
+    data: tuple[SourceEntry, ...]
     n_demos: int | None
     val: Path | None
     out: Path
@@ -64,7 +66,7 @@ def parse_options(argv: Sequence[str] | None) -> TrainOptions:
         network=_network_config(args.config, network, initial),
         initial=initial,
         train=_train_config(args, {n.removeprefix(_TRAIN): v for n, v in changes.items() if n not in network}),
-        data=tuple(_weighted(text) for text in args.data),
+        data=_sources(args.data, args.mixture),
         n_demos=_at_least("--n-demos", args.n_demos, 1),
         val=None if args.val is None else Path(args.val),
         out=Path(args.out),
@@ -91,6 +93,11 @@ def _parser() -> argparse.ArgumentParser:
         help="a setting: pick.language=film, train.jitter=false",
     )
     add("--data", action="append", required=True, metavar="DIR[:WEIGHT]", help="data set; several are mixed by weight")
+    add(
+        "--mixture",
+        metavar="NAME",
+        help=f"{', '.join(mixture_names())} or a YAML file that lists data sets in the one folder --data",
+    )
     add("--n-demos", type=int, metavar="N", help="only the first N episodes of each task of each data set")
     add("--val", metavar="DIR", help="held-out data set to measure agreement on and to picture")
     add("--out", required=True, metavar="DIR", help="training folder")
@@ -139,12 +146,21 @@ def _setting(text: str) -> tuple[str, Any]:
         raise ConfigError(f"--set {text}: the value is no YAML") from None
 
 
-def _weighted(text: str) -> tuple[Path, float]:
+def _sources(data: Sequence[str], mixture: str | None) -> tuple[SourceEntry, ...]:
+    if mixture is None:
+        return tuple(_weighted(text) for text in data)
+    if len(data) != 1:
+        raise ConfigError(f"--mixture {mixture} needs one --data, the folder of its data sets, not {len(data)}")
+    return read_mixture(mixture, Path(data[0]))
+
+
+def _weighted(text: str) -> SourceEntry:
     folder, colon, weight = text.rpartition(":")
     try:
-        return (Path(folder), float(weight)) if colon else (Path(text), 1.0)
+        folder, number = (folder, float(weight)) if colon else (text, 1.0)
     except ValueError:
-        return Path(text), 1.0
+        folder, number = text, 1.0
+    return SourceEntry(Path(folder), number, SourceSettings())
 
 
 def _steps(text: str) -> frozenset[int]:

@@ -32,8 +32,8 @@ def _sample(batch: Batch, i: int, workspace: WorkspaceSpec) -> NDArray[np.uint8]
     channels = unscaled(batch.images[i : i + 1].float())[0].permute(1, 2, 0).numpy()  # (H, W, 4)
     color = np.rint(255 * np.clip(channels[..., :3], 0, 1)).astype(np.uint8)
     scene = Heightmap(color, channels[..., 3], batch.images[i, 4].numpy() > 0.5, workspace)
-    done, yaw = bool(batch.done[i]), float(batch.pick_yaw[i])
-    if done:
+    acts, yaw = bool(batch.acts[i]), float(batch.pick_yaw[i])
+    if not acts:
         picture = render_scene(scene)
     else:
         pick = _pose(workspace, batch.pick[i], yaw)
@@ -41,7 +41,8 @@ def _sample(batch: Batch, i: int, workspace: WorkspaceSpec) -> NDArray[np.uint8]
         picture = render_grippers(scene, pick, place)
     height = round(_WIDTH * picture.shape[0] / picture.shape[1])
     small = cv2.resize(picture, (_WIDTH, height), interpolation=cv2.INTER_AREA)
-    return titled(f"{batch.phrases[i]}{'   (finished)' if done else ''}", small)
+    remark = "" if acts else "   (finished)" if batch.done[i] else "   (not here)"
+    return titled(batch.phrases[i] + remark, small)
 
 
 def _pose(workspace: WorkspaceSpec, pixel: Tensor, yaw: float) -> PlanarPose:

@@ -68,6 +68,7 @@ def resume_state(
 def _check_settings(begun: dict[str, Any], given: dict[str, Any]) -> None:
     was, now = _flatten(begun), _flatten(json.loads(json.dumps(given)))
     was.setdefault("primitive", now.get("primitive"))  # earlier versions did not write it down
+    was.setdefault("train.absent_share", 0.0)  # nor could they do this
     for name in sorted(was.keys() | now.keys()):
         if name != "train.steps" and was.get(name) != now.get(name):
             raise ValueError(f"{name} was {was.get(name)!r}, not {now.get(name)!r}")

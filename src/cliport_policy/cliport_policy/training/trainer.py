@@ -8,6 +8,7 @@ import math
 import time
 from collections.abc import Callable, Collection, Sequence
 from contextlib import closing
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -15,11 +16,12 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
+from cliport_core.action import Primitive
 from cliport_policy.checkpoint import ANCHORS, Card, save_checkpoint
 from cliport_policy.config import TrainConfig
 from cliport_policy.data.batches import Phrasebook
 from cliport_policy.data.loader import THREADS, Loader, StepBatches
-from cliport_policy.data.mixture import Mixture, Source
+from cliport_policy.data.mixture import Mixture, Source, SourceSettings
 from cliport_policy.data.primitives import primitive_taught
 from cliport_policy.data.recolor import Recoloring
 from cliport_policy.errors import ConfigError, TrainingError
@@ -83,7 +85,9 @@ class Trainer:
         self.folder, self.config, self.made_by, self.group, self.encoder = folder, config, made_by, group, encoder
         self.initial = initial
         sets = [source.data for source in sources]
-        if initial is None:
+        if getattr(network_config, "chooses_primitive", False):
+            self.primitive = Primitive.PICK_PLACE
+        elif initial is None:
             self.primitive = primitive_taught(sets)
         else:
             initial.check_primitive(sets)
@@ -100,9 +104,8 @@ class Trainer:
         group.share(network)
         self.network = network
         self.average = copy.deepcopy(network).eval() if config.ema_decay else network
-        self.optimizer = torch.optim.AdamW(
-            network.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay
-        )
+        learned = [value for value in network.parameters() if value.requires_grad]
+        self.optimizer = torch.optim.AdamW(learned, lr=config.learning_rate, weight_decay=config.weight_decay)
         self.data = Mixture(sources, config.done_share, network.needs_goal_image)
         recoloring, phrasebook = self._draw_wordings()
         self.loader = Loader(self.data, phrasebook, config, recoloring, group.rank, group.size)
@@ -223,12 +226,13 @@ class Trainer:
     def _draw_wordings(self) -> tuple[Recoloring | None, Phrasebook]:
         config, sentences = self.config, self.data.instructions()
         phrases, rng = config.phrases_per_goal, np.random.default_rng((config.seed, 1))
+        unchanging = self.data.unchanging_instructions()
         if config.recolor == "none":
-            return None, Phrasebook(sentences, phrases, rng)
+            return None, Phrasebook(sentences, min(phrases, MAX_PHRASES // len(sentences)), rng, unchanging)
         surveyed = config.recolor == "surveyed"
         recoloring = Recoloring(self.data, surveyed, np.random.default_rng((config.seed, 2)))
         sentences = sorted({*sentences, *recoloring.sentences()})
-        return recoloring, Phrasebook(sentences, min(phrases, MAX_PHRASES // len(sentences)), rng)
+        return recoloring, Phrasebook(sentences, min(phrases, MAX_PHRASES // len(sentences)), rng, unchanging)
 
     def _anchor_vectors(self, phrasebook: Phrasebook) -> Tensor:
         """Return anchors of this training and of its initial checkpoint, whose sentences must not be refused now."""
@@ -237,6 +241,9 @@ class Trainer:
 
     def _identity(self) -> dict[str, Any]:
         drawn_from = {"demonstrations": len(self.data), "weights": [source.weight for source in self.data.sources]}
+        switches = [asdict(source.settings) for source in self.data.sources]
+        if any(setting != asdict(SourceSettings()) for setting in switches):
+            drawn_from["settings"] = switches
         identity = {"network": self.network.config.to_dict(), "train": self.config.to_dict(), "data": drawn_from}
         identity["primitive"] = self.primitive.label
         return identity if self.initial is None else {**identity, "init": self.initial.sha256}

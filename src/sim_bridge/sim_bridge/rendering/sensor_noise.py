@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import Enum
 from functools import lru_cache
 
 import cv2
@@ -17,6 +18,15 @@ _NO_DEPTH = np.float32(1e3)  # depth that stands for none [m]
 _NEIGHBOURS = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
 
 
+class SensorKind(Enum):
+    """Kinds of depth cameras; the plain one is unbiased and has grain only."""
+
+    PLAIN = "plain"
+    STRUCTURED_LIGHT = "structured_light"
+    TIME_OF_FLIGHT = "time_of_flight"
+    STEREO = "stereo"
+
+
 @dataclass(frozen=True)
 class NoiseConfig:
     """Imperfections of the sensor; all zero (see `none`) gives perfect images.
@@ -24,7 +34,10 @@ class NoiseConfig:
     color_sigma: of a channel, on the 0..255 scale. depth_sigma: of depth at 1 m, growing with its square [m].
     edge_step: depth is lost beside steps larger than this [m]; edge_loss: with this probability.
     min_facing: depth is lost where the cosine of the angle to the surface's normal is smaller.
-    loss: share of pixels without depth anywhere.
+    loss: share of pixels without depth anywhere. bias: by which all depth is too large at 1 m, growing with its square
+    [m]. step: between the depths that the sensor can tell apart at 1 m, growing with their square [m]. flying: share of
+    pixels beside steps whose depth lies between both surfaces. dark_level: of 255, below which a surface is dark;
+    dark_loss: share of its pixels without depth.
     """
 
     color_sigma: float = 3.0
@@ -33,11 +46,35 @@ class NoiseConfig:
     edge_loss: float = 0.7
     min_facing: float = 0.15
     loss: float = 0.002
+    bias: float = 0.0
+    step: float = 0.0
+    flying: float = 0.0
+    dark_level: float = 0.0
+    dark_loss: float = 0.0
 
     @classmethod
     def none(cls) -> NoiseConfig:
         """Return the settings of a perfect sensor."""
         return cls(0.0, 0.0, np.inf, 0.0, 0.0, 0.0)
+
+    @classmethod
+    def of_kind(cls, kind: SensorKind) -> NoiseConfig:
+        """Return settings of the size that sensors of a kind have; no camera was measured for them."""
+        if kind is SensorKind.STRUCTURED_LIGHT:
+            return cls(
+                depth_sigma=0.0015,
+                edge_loss=0.9,
+                min_facing=0.25,
+                bias=0.002,
+                step=0.0028,
+                dark_level=35.0,
+                dark_loss=0.6,
+            )
+        if kind is SensorKind.TIME_OF_FLIGHT:
+            return cls(depth_sigma=0.0012, edge_loss=0.4, bias=0.003, flying=0.5, dark_level=30.0, dark_loss=0.5)
+        if kind is SensorKind.STEREO:
+            return cls(depth_sigma=0.0025, edge_loss=0.8, min_facing=0.2, loss=0.01, bias=0.002, step=0.0015)
+        return cls()
 
 
 def with_noise(
@@ -62,8 +99,35 @@ def with_noise(
         jitter *= depth
         jitter *= depth
         depth += jitter
+    depth = _of_its_kind(depth, clean, noise, lost, rng)
     depth[lost] = np.nan
     return color, depth
+
+
+def _of_its_kind(
+    depth: npt.NDArray[np.float32],
+    clean: CleanFrame,
+    noise: NoiseConfig,
+    lost: npt.NDArray[np.bool_],
+    rng: np.random.Generator,
+) -> npt.NDArray[np.float32]:
+    """Return depth with what sensors of a kind do to it, and mark in `lost` what they do not see."""
+    if noise.flying > 0.0:
+        between = _draws(rng, depth.shape).astype(np.float32) / np.float32(_LEVELS)
+        at_edge = _edges(depth, noise.edge_step) & (between < noise.flying) & (depth < _NO_DEPTH / 2)
+        low, high = cv2.erode(depth, _NEIGHBOURS), cv2.dilate(depth, _NEIGHBOURS)
+        at_edge &= high < _NO_DEPTH / 2
+        depth[at_edge] = (low + (high - low) * (between / np.float32(noise.flying)))[at_edge]
+        lost &= ~at_edge
+    if noise.dark_loss > 0.0:
+        dark = clean.color.max(axis=-1) < noise.dark_level
+        lost |= dark & (_draws(rng, depth.shape) < noise.dark_loss * _LEVELS)
+    if noise.bias > 0.0:
+        depth = depth + np.float32(noise.bias) * depth * depth
+    if noise.step > 0.0:
+        disparity = np.maximum(np.rint(1.0 / (np.float32(noise.step) * depth)), 1.0)  # in whole numbers
+        depth = (1.0 / (np.float32(noise.step) * disparity)).astype(np.float32)
+    return depth
 
 
 def _draws(rng: np.random.Generator, shape: tuple[int, ...]) -> npt.NDArray[np.uint16]:

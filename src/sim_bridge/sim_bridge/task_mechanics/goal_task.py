@@ -124,6 +124,15 @@ class GoalTask(Task):
         return self.done_sentence if goal is None or self.done() else goal.sentence
 
     @property
+    def sentences_done(self) -> Sequence[str]:
+        """See Task."""
+        found: list[str] = []
+        for goal in reversed(self._goals[: self._reached]):
+            if goal.sentence not in (self.instruction, *found) and goal.reached(self.world):
+                found.append(goal.sentence)
+        return found
+
+    @property
     def objects(self) -> Sequence[SceneObject]:
         """Everything that lies on the table."""
         return self.world.objects

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -75,6 +76,11 @@ class Task(ABC):
         """The sentence for what is to be done now; a completion phrase when nothing is."""
 
     @property
+    def sentences_done(self) -> Sequence[str]:
+        """Sentences of goals that were reached before and still are, the last first; not the present `instruction`."""
+        return ()
+
+    @property
     @abstractmethod
     def max_steps(self) -> int:
         """Number of actions that an episode may take."""
@@ -132,8 +138,10 @@ class Task(ABC):
 
     @property
     def sentence_slots(self) -> Mapping[str, str]:
-        """The word of each slot of `sentence_pattern` for the present goal."""
-        return {}
+        """The words of each slot of `sentence_pattern` in the present sentence; empty where it has another form."""
+        pattern = re.sub(r"\\{(\w+)\\}", r"(?P<\1>.+?)", re.escape(self.sentence_pattern))
+        match = re.fullmatch(pattern, self.instruction)
+        return match.groupdict() if match else {}
 
     @property
     def object_source(self) -> str:

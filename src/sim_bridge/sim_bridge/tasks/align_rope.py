@@ -49,6 +49,7 @@ class AlignRope(GoalTask):
     """Task with a rope of 20 beads beside a square without front side; the
     rope goes onto one side, either way round."""
 
+    sentence_pattern = "align the rope from {begin} to {end}"
     done_sentence = "done aligning the rope."
     primitive = Primitive.FOLD
     sides_without_words: Sequence[int] = range(len(SIDES))  # that may be asked for
@@ -105,6 +106,7 @@ class AlignRope(GoalTask):
 class ManipulatingRope(AlignRope):
     """Variant in which the rope always closes the square."""
 
+    sentence_pattern = ""
     done_sentence = "done manipulating the rope."
     sides_without_words = (0,)
 

@@ -20,6 +20,7 @@ from sim_bridge.world import SimWorld
 class AssemblingKitsSeq(KitTask):
     """Five shapes of five colours, one goal each."""
 
+    sentence_pattern = "put the {color} {shape} in the {hole} hole"
     stepwise = True
 
     def __init__(self, name: str, split: Split, variant: Variant) -> None:

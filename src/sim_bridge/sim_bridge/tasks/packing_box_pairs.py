@@ -23,6 +23,7 @@ class PackingBoxPairs(PackingBoxes):
     """Variant in which boxes of the named colours fill the container; up to
     four of other colours and the same sizes stay."""
 
+    sentence_pattern = "pack all the {first} and {second} blocks into the brown box"
     done_sentence = "done packing blocks."
     z_cap = 0.0525  # no piles
 

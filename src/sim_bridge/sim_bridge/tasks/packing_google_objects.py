@@ -109,6 +109,7 @@ class PackingGoogleObjects(GoalTask):
 class PackingGoogleObjectsSeq(PackingGoogleObjects):
     """Variant with objects of different names; each step names the next one."""
 
+    sentence_pattern = "pack the {thing} in the brown box"
     stepwise = True
 
     def goals_for(
@@ -131,6 +132,8 @@ class PackingGoogleObjectsSeq(PackingGoogleObjects):
 class PackingGoogleObjectsGroup(PackingGoogleObjects):
     """Variant in which two or more objects of one name are to be packed; two
     or more of another name, and others, are not."""
+
+    sentence_pattern = "pack all the {thing} objects in the brown box"
 
     def goals_for(
         self, world: SimWorld, container: SceneObject, packing: Packing, rng: np.random.Generator

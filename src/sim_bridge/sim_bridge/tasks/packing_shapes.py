@@ -26,6 +26,7 @@ N_SHAPES = 5
 class PackingShapes(GoalTask):
     """Task with five different shapes of five colours, the first of which is asked for, and a fixed container."""
 
+    sentence_pattern = "pack the {thing} in the brown box"
     done_sentence = "done packing shapes."
 
     def __init__(self, name: str, split: Split) -> None:

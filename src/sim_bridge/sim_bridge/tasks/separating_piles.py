@@ -76,6 +76,7 @@ class SeparatingPiles(_PileTask):
     """Task with blocks of one colour that go into the zone of the colour
     that is asked for; another zone is beside it."""
 
+    sentence_pattern = "push the pile of {color} blocks into the {zone} square"
     done_sentence = "done separating pile."
 
     def __init__(self, name: str, split: Split, variant: Variant) -> None:

@@ -64,6 +64,7 @@ class _Pyramid(GoalTask):
 class StackBlockPyramidSeq(_Pyramid):
     """Variant with a sentence and a goal for each block."""
 
+    sentence_pattern = "put the {color} block on {place}"
     stepwise = True
 
     def __init__(self, name: str, split: Split, variant: Variant) -> None:

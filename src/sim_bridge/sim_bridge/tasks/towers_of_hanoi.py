@@ -78,6 +78,7 @@ class _Hanoi(GoalTask):
 class TowersOfHanoiSeq(_Hanoi):
     """Variant with a sentence for every move."""
 
+    sentence_pattern = "move the {color} ring to the {peg}"
     stepwise = True
 
     def __init__(self, name: str, split: Split, variant: Variant) -> None:

@@ -24,7 +24,15 @@ class GoalReader(nn.Module):
 
     def forward(self, tokens: Tensor, mask: Tensor) -> Tensor:
         """Return (B, n_goals * goal_dim) of tokens (B, T, token_dim); mask: (B, T), True at tokens."""
-        x = self.mix(self.project(tokens), src_key_padding_mask=~mask)  # (B, T, goal_dim)
+        return self.pool_words(self.read_words(tokens, mask), mask)
+
+    def read_words(self, tokens: Tensor, mask: Tensor) -> Tensor:
+        """Return the words in each other's light, (B, T, goal_dim), of tokens (B, T, token_dim) and mask (B, T)."""
+        words: Tensor = self.mix(self.project(tokens), src_key_padding_mask=~mask)
+        return words
+
+    def pool_words(self, x: Tensor, mask: Tensor) -> Tensor:
+        """Return (B, n_goals * goal_dim) of what `read_words` returned."""
         queries = self.queries.unsqueeze(0).expand(len(x), -1, -1)
         # A key_padding_mask would do as well, but makes torch import its symbolic shapes: 0.5 s and 40 MB.
         padding = ~mask[:, None].expand(-1, queries.shape[1], -1).repeat_interleave(self.pool.num_heads, dim=0)

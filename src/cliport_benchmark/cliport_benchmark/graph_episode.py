@@ -1,0 +1,88 @@
+"""A whole episode through the graph: every sentence of the task in its turn, up to the task's own number of actions."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import NamedTuple, Protocol
+
+from cliport_interfaces.msg import PolicyStatus
+
+_POLL_S = 0.25  # between looks at what the simulator asks for
+ENDED = (PolicyStatus.STATE_DONE, PolicyStatus.STATE_FAILED)
+_GOES_ON = "step limit of "  # how the server's message begins when it only wants to be asked again
+
+
+class Progress(NamedTuple):
+    """Present state of the simulator's scene: score 0..1, whether the task is reached, and the present sentence."""
+
+    score: float
+    done: bool
+    instruction: str
+
+
+class Graph(Protocol):
+    """The running graph, as far as an episode needs it."""
+
+    def instruct(self, text: str) -> None:
+        """Publish an instruction."""
+
+    def newest_status(self) -> PolicyStatus | None:
+        """Return the last status since the instruction."""
+
+    def progress(self) -> Progress:
+        """Return what the simulator says now."""
+
+
+class Played(NamedTuple):
+    """Result of an episode. sentences: what was said, in order. steps: actions that were begun in all."""
+
+    score: float
+    steps: int
+    message: str
+    sentences: tuple[str, ...]
+    ended_well: bool
+
+
+def play_episode(
+    graph: Graph,
+    first: str,
+    max_steps: int,
+    timeout: float,
+    sleep: Callable[[float], None] = time.sleep,
+    now: Callable[[], float] = time.monotonic,
+) -> Played:
+    """Run an episode: each sentence follows when the one before is reached.
+
+    It ends when the task is reached, the policy gives up or the steps are spent.
+
+    first: the scene's first sentence. timeout: of the whole episode [s].
+    """
+    said, sentences, before, message = first, [first], 0, ""
+    graph.instruct(first)
+    deadline, steps, ended_well = now() + timeout, 0, False
+    while now() < deadline:
+        sleep(_POLL_S)
+        status, progress = graph.newest_status(), graph.progress()
+        if status is not None and status.instruction != said:
+            status = None  # of the sentence before
+        if status is not None:
+            steps, message = before + int(status.step), status.message
+        resting = status is not None and status.state != PolicyStatus.STATE_EXECUTING
+        if progress.done and resting:  # while the arm moves, what it carries may only pass by
+            return Played(progress.score, steps, message, tuple(sentences), True)
+        over = status is not None and status.state in ENDED
+        if progress.instruction != said:
+            said, before = progress.instruction, steps
+            sentences.append(said)
+            graph.instruct(said)
+        elif over and (steps >= max_steps or not message.startswith(_GOES_ON)):
+            ended_well = status is not None and status.state == PolicyStatus.STATE_DONE
+            break
+        elif over:
+            before = steps
+            graph.instruct(said)
+        elif steps > max_steps:
+            break
+    graph.instruct("")
+    return Played(graph.progress().score, min(steps, max_steps), message, tuple(sentences), ended_well)

@@ -1,0 +1,79 @@
+"""An episode through the graph, with a fake graph: sentences in their turn, step limits, and who gives up."""
+
+from dataclasses import dataclass, field
+
+from cliport_benchmark.graph_episode import Played, Progress, play_episode
+from cliport_interfaces.msg import PolicyStatus
+
+EXECUTING, DONE, FAILED = PolicyStatus.STATE_EXECUTING, PolicyStatus.STATE_DONE, PolicyStatus.STATE_FAILED
+LOOKING = PolicyStatus.STATE_OBSERVING
+
+
+@dataclass
+class Graph:
+    """Plays back, look by look, what the policy and the simulator say after each sentence."""
+
+    script: list[tuple[int, str, int, str, float]]  # state, message, step, the simulator's sentence, score
+    said: list[str] = field(default_factory=list)
+    looks: int = -1
+    stale: bool = False
+
+    def instruct(self, text: str) -> None:
+        self.said.append(text)
+
+    def newest_status(self) -> PolicyStatus | None:
+        self.looks += 1
+        state, message, step, _, _ = self._now()
+        instruction = "something else" if self.stale else self.said[-1]
+        return PolicyStatus(state=state, message=message, step=step, instruction=instruction)
+
+    def progress(self) -> Progress:
+        *_, sentence, score = self._now()
+        return Progress(score, score > 0.99, sentence)
+
+    def _now(self) -> tuple[int, str, int, str, float]:
+        return self.script[min(max(self.looks, 0), len(self.script) - 1)]
+
+    def play(self, max_steps: int = 14) -> Played:
+        clock = iter(range(1000))
+        return play_episode(self, "a", max_steps, 100.0, lambda _: None, lambda: float(next(clock)))
+
+
+def test_each_sentence_is_said_when_the_one_before_is_reached() -> None:
+    graph = Graph([
+        (EXECUTING, "moving", 1, "a", 0.0),
+        (EXECUTING, "moving", 1, "b", 0.5),
+        (EXECUTING, "moving", 1, "b", 0.5),
+        (LOOKING, "looking", 1, "b", 1.0),
+    ])  # fmt: skip
+    played = graph.play()
+    assert graph.said == ["a", "b"] and played.sentences == ("a", "b")
+    assert played.steps == 2 and played.ended_well and played.score == 1.0
+
+
+def test_the_servers_own_limit_does_not_end_a_task_that_allows_more() -> None:
+    limit = (FAILED, "step limit of 8 reached", 8, "a", 0.2)
+    graph = Graph([limit, limit, (LOOKING, "looking", 4, "a", 1.0)])
+    played = graph.play(max_steps=20)
+    assert graph.said == ["a", "a", "a"] and played.steps == 20 and played.score == 1.0
+
+
+def test_the_tasks_limit_and_a_policy_that_gives_up_end_it() -> None:
+    limit = (FAILED, "step limit of 8 reached", 8, "a", 0.2)
+    assert Graph([limit]).play(max_steps=8).steps == 8
+    lost = Graph([(FAILED, "what 'a' names is not to be seen", 0, "a", 0.0)]).play()
+    assert not lost.ended_well and lost.steps == 0
+    done = Graph([(DONE, "the goal looks reached already", 0, "a", 0.0)])
+    assert done.play().ended_well and done.said == ["a", ""]
+
+
+def test_what_the_arm_carries_over_its_target_is_not_there_yet() -> None:
+    carrying = (EXECUTING, "step 1: LOWER", 1, "a", 1.0)
+    played = Graph([carrying, carrying, (LOOKING, "waiting", 1, "a", 0.5), (DONE, "reached", 1, "a", 0.5)]).play()
+    assert played.score == 0.5 and played.message == "reached"
+
+
+def test_a_status_of_the_sentence_before_is_not_taken_for_this_ones() -> None:
+    graph = Graph([(DONE, "the goal looks reached", 3, "a", 0.0)], stale=True)
+    played = graph.play()
+    assert played.steps == 0 and not played.ended_well  # time ran out

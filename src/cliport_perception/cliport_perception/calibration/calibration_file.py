@@ -1,0 +1,207 @@
+"""Calibrations on file: a camera's YAML with where its numbers come from; written whole, earlier ones kept."""
+
+from __future__ import annotations
+
+import math
+import os
+import re
+from contextlib import suppress
+from dataclasses import dataclass
+from datetime import datetime, timezone
+from enum import Enum
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from cliport_perception.calibration.board import Board, board_from_dict
+from cliport_perception.calibration.result import EyeOnBase, Misfit, Uncertainty
+from cliport_perception.camera_file import CameraCalibration, CameraFileError, read_camera
+from cliport_perception.errors import CalibrationError
+
+VERSION = 1
+_NEEDED = ("version", "made", "method", "base_frame", "camera_frame")
+_OPTIONAL = ("board", "samples", "outliers", "fitted", "held_out", "uncertainty")
+
+
+class Method(Enum):
+    """Ways to a calibration."""
+
+    EYE_ON_BASE = "eye_on_base"
+    FIXED_MARKER = "fixed_marker"
+    TOUCHED_POINTS = "touched_points"
+    STATIC = "static"
+
+
+@dataclass(frozen=True, eq=False)
+class CalibrationRecord:
+    """A camera's calibration and where it comes from.
+
+    made: when, with its time zone. held_out, fitted, uncertainty: None where they were not measured.
+    """
+
+    camera: CameraCalibration
+    made: datetime
+    method: Method
+    base_frame: str
+    camera_frame: str
+    board: Board | None = None
+    samples: int = 0
+    outliers: tuple[int, ...] = ()
+    fitted: Misfit | None = None
+    held_out: Misfit | None = None
+    uncertainty: Uncertainty | None = None
+
+    def age_days(self, now: datetime) -> float:
+        """Return how old the calibration is [days]."""
+        return (now - self.made).total_seconds() / 86400.0
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the file's content as plain values."""
+        about: dict[str, Any] = {
+            "version": VERSION,
+            "made": self.made.astimezone(timezone.utc).isoformat(timespec="seconds"),
+            "method": self.method.value,
+            "base_frame": self.base_frame,
+            "camera_frame": self.camera_frame,
+            "samples": self.samples,
+            "outliers": list(self.outliers),
+        }
+        if self.board is not None:
+            about["board"] = self.board.to_dict()
+        for name in ("fitted", "held_out"):
+            misfit = getattr(self, name)
+            if misfit is not None:
+                about[name] = {key: round(value, 4) for key, value in misfit._asdict().items()}
+        if self.uncertainty is not None:
+            about["uncertainty"] = {"mm": round(self.uncertainty.mm, 4), "deg": round(self.uncertainty.deg, 5)}
+        return {"camera": self.camera.to_dict(), "calibration": about}
+
+
+def record_of(
+    found: EyeOnBase, camera: CameraCalibration, board: Board, frames: tuple[str, str], made: datetime
+) -> CalibrationRecord:
+    """Return the record of a solved calibration; frames: the base's and the optical one's."""
+    return CalibrationRecord(
+        camera,
+        made,
+        Method.EYE_ON_BASE,
+        *frames,
+        board,
+        len(found.samples),
+        tuple(found.outliers),
+        found.fitted,
+        found.held_out,
+        found.uncertainty,
+    )
+
+
+def save_calibration(path: Path, record: CalibrationRecord) -> Path | None:
+    """Write a calibration, whole or not at all; return where the one that was there before is kept, or None.
+
+    Raises:
+        CalibrationError: when the place cannot be written.
+    """
+    text = "# A camera's calibration: docs/calibration.md. `camera` is also what --camera and camera_mounting take.\n"
+    text += yaml.safe_dump(record.to_dict(), sort_keys=False)
+    return write_kept(path, text)
+
+
+def write_kept(path: Path, text: str) -> Path | None:
+    """Write a file, whole or not at all; return where the one that was there before is kept, or None.
+
+    Raises:
+        CalibrationError: when the place cannot be written.
+    """
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with temporary.open("w", encoding="utf-8") as file:
+            file.write(text)
+            file.flush()
+            os.fsync(file.fileno())
+        kept = _keep(path)
+        temporary.replace(path)
+    except OSError as error:
+        with suppress(OSError):
+            temporary.unlink(missing_ok=True)
+        raise CalibrationError(f"cannot write {path}: {error.strerror or error}") from None
+    return kept
+
+
+def _keep(path: Path) -> Path | None:
+    """Give the present file a second name that tells when it was written; the first stays until it is replaced."""
+    if not path.is_file():
+        return None
+    written = datetime.fromtimestamp(path.stat().st_mtime, timezone.utc).strftime("%Y%m%dT%H%M%S")
+    for number in range(1, 1000):
+        kept = path.with_name(f"{path.stem}.{written}{'' if number == 1 else f'-{number}'}{path.suffix}")
+        try:
+            os.link(path, kept)
+        except FileExistsError:
+            continue
+        return kept
+    raise OSError(f"too many calibrations are kept beside {path.name}")
+
+
+def load_calibration(path: Path) -> CalibrationRecord:
+    """Read a calibration, strictly.
+
+    Raises:
+        CalibrationError: when a field is missing, unknown, not finite or makes no rotation; naming it.
+    """
+    try:
+        camera = read_camera(path)
+        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except CameraFileError as error:
+        raise CalibrationError(str(error)) from None
+    about = content.get("calibration")
+    if not isinstance(about, dict):
+        raise CalibrationError(f"{path} holds a camera, but no 'calibration' that says where it comes from")
+    names = set(map(str, about))
+    missing, unknown = [n for n in _NEEDED if n not in names], sorted(names - {*_NEEDED, *_OPTIONAL})
+    if missing or unknown:
+        faults = [f"{what} {', '.join(n)}" for what, n in (("lacks", missing), ("has the unknown", unknown)) if n]
+        raise CalibrationError(f"{path}: 'calibration' {' and '.join(faults)}")
+    if about["version"] != VERSION:
+        raise CalibrationError(f"{path} is of version {about['version']!r}; this program reads version {VERSION}")
+    try:
+        return _record(camera, about)
+    except (ValueError, TypeError, KeyError, CalibrationError) as error:
+        raise CalibrationError(f"{path}: {error}") from None
+
+
+def _record(camera: CameraCalibration, about: dict[str, Any]) -> CalibrationRecord:
+    made = about["made"] if isinstance(about["made"], datetime) else datetime.fromisoformat(str(about["made"]))
+    if made.tzinfo is None:
+        raise ValueError(f"made must have a time zone, got {about['made']}")
+    frames = [str(about[name]) for name in ("base_frame", "camera_frame")]
+    if not all(re.fullmatch(r"[A-Za-z0-9_/]+", frame) for frame in frames):
+        raise ValueError(f"base_frame and camera_frame must be names of frames, got {frames}")
+    misfits = {
+        name: Misfit(**_numbers(about, name, Misfit._fields)) for name in ("fitted", "held_out") if name in about
+    }
+    uncertainty = Uncertainty(**_numbers(about, "uncertainty", ("mm", "deg"))) if "uncertainty" in about else None
+    return CalibrationRecord(
+        camera,
+        made,
+        Method(about["method"]),
+        frames[0],
+        frames[1],
+        board_from_dict(about["board"]) if "board" in about else None,
+        int(about.get("samples", 0)),
+        tuple(int(i) for i in about.get("outliers", ())),
+        misfits.get("fitted"),
+        misfits.get("held_out"),
+        uncertainty,
+    )
+
+
+def _numbers(about: dict[str, Any], name: str, keys: tuple[str, ...]) -> dict[str, float]:
+    values = about[name]
+    if not isinstance(values, dict) or set(values) != set(keys):
+        raise ValueError(f"{name} must hold {', '.join(keys)}, got {values!r}")
+    for key, value in values.items():
+        if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+            raise ValueError(f"{name}.{key} must be a finite number, got {value!r}")
+    return {key: float(values[key]) for key in keys}

@@ -1,0 +1,161 @@
+"""The live procedure over ROS: camera and /tf in, a saved calibration out; headless."""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Callable
+from datetime import datetime, timezone
+
+import numpy as np
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from sensor_msgs.msg import CameraInfo, Image
+from tf2_msgs.msg import TFMessage
+
+from cliport_core import messages, topics
+from cliport_core.adaptive_subscription import AdaptiveSubscription
+from cliport_core.errors import CoreError, FrameError
+from cliport_core.pose import Pose
+from cliport_core.throttle import MessageThrottle
+from cliport_core.transforms import TransformTree
+from cliport_perception.calibration.board import Board
+from cliport_perception.calibration.calibration_file import Method
+from cliport_perception.calibration.known_board import board_from_touches
+from cliport_perception.calibration.procedures import EyeOnBaseProcedure, KnownBoardProcedure, Procedure, Voice
+from cliport_perception.calibration.saving import DEFAULT_OUT, say_saved
+from cliport_perception.camera_model import CameraModel
+from cliport_perception.conversions import camera_from_msg
+from cliport_perception.errors import CalibrationError
+from panda_model.preset_files import load_preset
+
+_SAY_AGAIN_S = 5.0
+_SILENT_S = 5.0
+
+Start = Callable[[CameraModel], Procedure]
+
+
+class LiveCalibration(Node):
+    """Feeds a procedure, which begins once camera_info has said what the camera is."""
+
+    def __init__(self, start: Start, frames: tuple[str, str], complain: Callable[[str], None]) -> None:
+        """Subscribe. frames: the base's and the gripper's."""
+        super().__init__("calibrate")
+        self._start = start
+        self._base, self._gripper = frames
+        self._complain = complain
+        self._tree = TransformTree()
+        self._seen: set[str] = set()
+        self._rectified = bool(self.declare_parameter("rectified", False).value)
+        self.procedure: Procedure | None = None
+        self.camera: CameraModel | None = None
+        self.camera_frame = ""
+        latched = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        self.create_subscription(TFMessage, topics.TF_STATIC, self._on_tf, latched)
+        self.create_subscription(TFMessage, topics.TF, self._on_tf, 100)
+        self._inputs = (
+            AdaptiveSubscription(self, CameraInfo, topics.CAMERA_INFO, self._on_info),
+            AdaptiveSubscription(self, Image, topics.COLOR, self._on_image),
+        )
+        self.create_timer(1.0, self._adapt)
+        self._began = time.monotonic()
+
+    def _adapt(self) -> None:
+        for subscription in self._inputs:
+            subscription.adapt()
+        missing = [s.topic_name for s in self._inputs if s.topic_name not in self._seen]
+        if missing and time.monotonic() - self._began > _SILENT_S:
+            self._complain(f"nothing received on {', '.join(missing)}: is the camera running, are the names remapped?")
+
+    def _on_info(self, message: CameraInfo) -> None:
+        self._seen.add(self._inputs[0].topic_name)
+        try:
+            camera = camera_from_msg(message, self._rectified)
+        except CoreError as error:
+            self._complain(f"camera_info cannot be used: {error}")
+            return
+        if self.camera is not None and camera != self.camera:
+            self._complain("camera_info has changed since the procedure began: begin again for the new one")
+            return
+        if self.procedure is None:
+            self.camera, self.procedure = camera, self._start(camera)
+
+    def _on_image(self, message: Image) -> None:
+        self._seen.add(self._inputs[1].topic_name)
+        if self.procedure is None:
+            return
+        self.camera_frame = message.header.frame_id
+        try:
+            self.procedure.on_picture(messages.stamp_from_msg(message.header.stamp), messages.color_from_msg(message))
+        except CoreError as error:
+            self._complain(str(error))
+
+    def _on_tf(self, message: TFMessage) -> None:
+        stamps = [0]
+        for link in message.transforms:
+            try:
+                pose = messages.pose_from_transform_msg(link.transform)
+            except ValueError as error:
+                self._complain(f"the transform of '{link.child_frame_id}' is no rotation and is ignored: {error}")
+                continue
+            self._tree.put(link.header.frame_id, link.child_frame_id, pose)
+            stamps.append(messages.stamp_from_msg(link.header.stamp))
+        if self.procedure is None or max(stamps) == 0:
+            return
+        try:
+            self.procedure.on_gripper(max(stamps), self._tree.source_in_target(self._gripper, self._base))
+        except FrameError:
+            return  # the procedure says that it knows of no gripper
+
+
+def run_live(board: Board, options: argparse.Namespace, ros_args: list[str]) -> int:
+    """Run the procedure that the options ask for until it is complete; return the exit status.
+
+    Raises:
+        CalibrationError: when no calibration follows. Nothing is overwritten then.
+    """
+    arm = load_preset(options.robot)
+    base, gripper = options.base_frame or arm.base_frame, options.gripper_frame or arm.tcp_frame
+    if options.samples < 1:
+        raise CalibrationError("--samples must be 1 or more")
+    rclpy.init(args=ros_args)
+    voice = _voice()
+    node = LiveCalibration(_start(board, options, voice), (base, gripper), voice.complain)
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    try:
+        while node.procedure is None or not node.procedure.is_complete:
+            executor.spin_once(timeout_sec=0.1)
+        record = node.procedure.solve((base, node.camera_frame), datetime.now(timezone.utc))
+    finally:
+        executor.shutdown()
+        node.destroy_node()
+        rclpy.try_shutdown()
+    return say_saved(options.out or DEFAULT_OUT, record)
+
+
+def _voice() -> Voice:
+    """Return words to the screen; complaints that only repeat themselves come once in a while."""
+    throttle = MessageThrottle(_SAY_AGAIN_S)
+
+    def say(words: str) -> None:
+        print(words, flush=True)
+
+    def complain(words: str) -> None:
+        if throttle.passes(words, time.monotonic()):
+            say(words)
+
+    return Voice(say, complain)
+
+
+def _start(board: Board, options: argparse.Namespace, voice: Voice) -> Start:
+    if options.board_at is not None:
+        place, method = Pose.from_xyz_rpy(options.board_at[:3], options.board_at[3:]), Method.FIXED_MARKER
+    elif options.touched is not None:
+        place, method = board_from_touches(board, np.reshape(options.touched, (3, 3))), Method.TOUCHED_POINTS
+    else:
+        rng = np.random.default_rng(options.seed)
+        return lambda camera: EyeOnBaseProcedure(board, camera, options.samples, rng, voice)
+    return lambda camera: KnownBoardProcedure(board, place, camera, options.samples, method, voice)

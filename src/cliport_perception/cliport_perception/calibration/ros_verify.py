@@ -1,0 +1,109 @@
+"""`calibrate --verify` over ROS: one frame, one picture, a few numbers."""
+
+from __future__ import annotations
+
+import argparse
+import time
+
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from tf2_msgs.msg import TFMessage
+
+from cliport_core import messages, topics
+from cliport_core.errors import FrameError
+from cliport_core.image_files import encode_png
+from cliport_core.images import decode_color, decode_depth
+from cliport_core.pose import Pose
+from cliport_core.raw_image import image_of_raw
+from cliport_core.ros_rgbd import RawFrame, RgbdInput
+from cliport_core.transforms import TransformTree
+from cliport_core.workspace import WorkspaceSpec
+from cliport_perception.calibration.board import Board
+from cliport_perception.calibration.calibration_file import load_calibration
+from cliport_perception.calibration.detection import BoardDetector
+from cliport_perception.calibration.verification import Frame, draw, tip_of, verify
+from cliport_perception.calibration.view import BoardView
+from cliport_perception.errors import CalibrationError
+from panda_model.preset_files import load_preset
+
+_WAIT_S = 15.0
+_LISTEN_S = 1.0  # for /tf, after the first frame
+
+
+class OneFrame(Node):
+    """Keeps the newest frame of the camera, and the frames of /tf."""
+
+    def __init__(self) -> None:
+        super().__init__("calibrate_verify")
+        self.frame: RawFrame | None = None
+        self.fault = "nothing received from the camera"
+        self.tree = TransformTree()
+        latched = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        self.create_subscription(TFMessage, topics.TF_STATIC, self._on_tf, latched)
+        self.create_subscription(TFMessage, topics.TF, self._on_tf, 100)
+        self._camera = RgbdInput(self, self._take, self._complain)
+        self.create_timer(1.0, self._camera.adapt)
+
+    def _take(self, frame: RawFrame) -> None:
+        self.frame = frame
+
+    def _complain(self, fault: str) -> None:
+        self.fault = fault
+
+    def _on_tf(self, message: TFMessage) -> None:
+        for link in message.transforms:
+            try:
+                pose = messages.pose_from_transform_msg(link.transform)
+            except ValueError:
+                continue  # perception says so
+            self.tree.put(link.header.frame_id, link.child_frame_id, pose)
+
+
+def run_verify(board: Board, options: argparse.Namespace, ros_args: list[str]) -> int:
+    """Take one frame, write the picture and print the numbers; return the exit status.
+
+    Raises:
+        CalibrationError: without a calibration or a frame, or when nothing of the workspace is seen.
+        CoreError: when the frame or the workspace cannot be used.
+    """
+    record = load_calibration(options.calibration)
+    workspace = WorkspaceSpec.load(options.workspace) if options.workspace else WorkspaceSpec()
+    raw, gripper = _one_frame(record.base_frame, options, ros_args)
+    color, depth = decode_color(image_of_raw(raw.color.data)), decode_depth(image_of_raw(raw.depth.data))
+    look = BoardDetector(board, record.camera.intrinsics).look(color)
+    frame = Frame(color, depth, tip_of(gripper), look if isinstance(look, BoardView) else None)
+    found = verify(frame, record.camera, workspace, board)
+    picture = encode_png(draw(found, frame, record.camera, board))
+    try:
+        options.verify.write_bytes(picture)
+    except OSError as error:
+        raise CalibrationError(f"cannot write {options.verify}: {error.strerror}") from None
+    print("\n".join([*found.in_words(), str(options.verify)]))
+    return 0
+
+
+def _one_frame(base: str, options: argparse.Namespace, ros_args: list[str]) -> tuple[RawFrame, Pose | None]:
+    gripper = options.gripper_frame or load_preset(options.robot).tcp_frame
+    rclpy.init(args=ros_args)
+    node = OneFrame()
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    end = time.monotonic() + _WAIT_S
+    try:
+        while node.frame is None and time.monotonic() < end:
+            executor.spin_once(timeout_sec=0.1)
+        end = time.monotonic() + _LISTEN_S
+        while node.frame is not None and time.monotonic() < end:
+            executor.spin_once(timeout_sec=0.1)
+        if node.frame is None:
+            raise CalibrationError(f"no frame in {_WAIT_S:.0f} s: {node.fault}")
+        try:
+            return node.frame, node.tree.source_in_target(gripper, base)
+        except FrameError:
+            return node.frame, None
+    finally:
+        executor.shutdown()
+        node.destroy_node()
+        rclpy.try_shutdown()

@@ -1,0 +1,156 @@
+"""Calibration over ROS: pictures to a saved file, and a file to /tf_static and /diagnostics."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from datetime import datetime, timezone
+from pathlib import Path
+
+import numpy as np
+import pytest
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import TransformStamped
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
+from ros_domain import next_domain
+from sensor_msgs.msg import CameraInfo, Image
+from tf2_msgs.msg import TFMessage
+
+from cliport_core import messages, topics
+from cliport_core.pose import Pose
+from cliport_perception import CameraModel, conversions
+from cliport_perception.calibration.angles import pose_difference
+from cliport_perception.calibration.calibration_file import CalibrationRecord, Method, save_calibration
+from cliport_perception.calibration.node_camera_pose import CameraPoseNode, main
+from cliport_perception.calibration.procedures import KnownBoardProcedure, Voice
+from cliport_perception.calibration.ros_live import LiveCalibration
+from cliport_perception.calibration.synthetic import SyntheticCamera
+from cliport_perception.camera_file import CameraCalibration
+
+FRAME = "camera_color_optical_frame"
+LENS = CameraModel(640, 480, 500.0, 500.0, 320.0, 240.0)
+POSE = Pose.looking_at((0.9, 0.0, 0.8), (0.4, 0.0, 0.0))
+
+
+def record(pose: Pose = POSE) -> CalibrationRecord:
+    camera = CameraCalibration(LENS, pose)
+    return CalibrationRecord(camera, datetime.now(timezone.utc), Method.STATIC, "panda_link0", FRAME)
+
+
+@pytest.fixture
+def ros() -> Iterator[Node]:
+    rclpy.init(domain_id=next_domain())
+    node = rclpy.create_node("someone")
+    yield node
+    node.destroy_node()
+    rclpy.try_shutdown()
+
+
+def until(nodes: list[Node], condition: Callable[[], bool], act: Callable[[], None] = lambda: None) -> bool:
+    executor = SingleThreadedExecutor()
+    for node in nodes:
+        executor.add_node(node)
+    end, due = time.monotonic() + 20.0, 0.0
+    while time.monotonic() < end and not condition():
+        if time.monotonic() > due:
+            act()
+            due = time.monotonic() + 0.1
+        executor.spin_once(timeout_sec=0.02)
+    executor.shutdown()
+    return condition()
+
+
+def links(node: Node) -> list[TransformStamped]:
+    found: list[TransformStamped] = []
+    latched = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    node.create_subscription(TFMessage, topics.TF_STATIC, lambda m: found.extend(m.transforms), latched)
+    return found
+
+
+def camera_pose_node(**parameters: str) -> CameraPoseNode:
+    return CameraPoseNode(parameter_overrides=[Parameter(name, value=value) for name, value in parameters.items()])
+
+
+def test_a_calibration_is_published_and_again_when_it_changes(ros: Node, tmp_path: Path) -> None:
+    path = tmp_path / "camera.yaml"
+    save_calibration(path, record())
+    node = camera_pose_node(calibration=str(path))
+    found = links(ros)
+    reports: list[str] = []
+    ros.create_subscription(DiagnosticArray, topics.DIAGNOSTICS, lambda m: reports.append(m.status[0].message), 10)
+    assert until([ros, node], lambda: bool(found) and bool(reports))
+    assert (found[0].header.frame_id, found[0].child_frame_id) == ("panda_link0", FRAME)
+    assert messages.pose_from_transform_msg(found[0].transform).is_close(POSE)
+    assert "days old" in reports[0]
+    moved = Pose(POSE.rotation, POSE.translation + np.array([0.1, 0.0, 0.0]))
+    save_calibration(path, record(moved))
+    assert until([ros, node], lambda: len(found) > 1)
+    assert messages.pose_from_transform_msg(found[-1].transform).is_close(moved)
+    node.destroy_node()
+
+
+def test_a_driver_keeps_its_own_frames(ros: Node, tmp_path: Path) -> None:
+    path = tmp_path / "camera.yaml"
+    save_calibration(path, record())
+    node = camera_pose_node(calibration=str(path), driver_frame="camera_link")
+    found = links(ros)
+    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    driver = ros.create_publisher(TFMessage, topics.TF_STATIC, latched)
+    optical_in_root = Pose.from_xyz_rpy((0.0, 0.015, 0.0), (-np.pi / 2, 0.0, -np.pi / 2))
+    link = TransformStamped(child_frame_id=FRAME, transform=messages.pose_to_transform_msg(optical_in_root))
+    link.header.frame_id = "camera_link"
+    driver.publish(TFMessage(transforms=[link]))
+    assert until([ros, node], lambda: any(one.child_frame_id == "camera_link" for one in found))
+    root = next(one for one in found if one.child_frame_id == "camera_link")
+    root_in_base = messages.pose_from_transform_msg(root.transform)
+    assert (root_in_base @ optical_in_root).is_close(POSE)
+    node.destroy_node()
+
+
+@pytest.mark.parametrize("arguments", [[], ["--ros-args", "-p", "calibration:=/nowhere/camera.yaml"]])
+def test_without_a_calibration_it_ends_in_one_line(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(arguments) == 1
+    error = capsys.readouterr().err.strip()
+    assert error.startswith("error: ") and "\n" not in error
+
+
+def test_pictures_over_ros_become_a_calibration(ros: Node, board_in_hand) -> None:
+    world = board_in_hand._replace(placement=replace(board_in_hand.placement, board_in_gripper=Pose.identity()))
+    lying = Pose.from_xyz_rpy((0.4, 0.1, 0.0), (np.pi, 0.0, 0.4))
+    picture = SyntheticCamera(world.board, world.camera).picture(
+        world.placement.board_in_camera(lying), np.random.default_rng(0)
+    )
+    said: list[str] = []
+    voice = Voice(said.append, said.append)
+    node = LiveCalibration(
+        lambda camera: KnownBoardProcedure(world.board, lying, camera, 2, Method.FIXED_MARKER, voice),
+        ("panda_link0", "panda_hand_tcp"),
+        said.append,
+    )
+    color = ros.create_publisher(Image, topics.COLOR, qos_profile_sensor_data)
+    info = ros.create_publisher(CameraInfo, topics.CAMERA_INFO, qos_profile_sensor_data)
+
+    def blind() -> None:
+        info.publish(CameraInfo(width=960, height=540))  # as a driver without a calibration has it
+
+    assert until([ros, node], lambda: any("camera_info cannot be used" in words for words in said), blind)
+    assert node.procedure is None
+
+    def show() -> None:
+        info.publish(conversions.camera_to_msg(world.camera))
+        message = messages.image_to_msg(np.repeat(picture[..., None], 3, axis=2), "bgr8")
+        message.header.frame_id = FRAME
+        color.publish(message)
+
+    assert until([ros, node], lambda: node.procedure is not None and node.procedure.is_complete, show)
+    assert node.procedure is not None
+    found = node.procedure.solve(("panda_link0", node.camera_frame), datetime.now(timezone.utc))
+    assert found.camera_frame == FRAME
+    mm, _ = pose_difference(found.camera.camera_in_base, world.placement.camera_in_base)
+    assert found.uncertainty is not None and mm < found.uncertainty.mm
+    node.destroy_node()

@@ -1,0 +1,74 @@
+"""Configuration of the joint network: one encoder for picks and places, and what else it is made of."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, fields
+from typing import Any
+
+from cliport_policy.errors import ConfigError
+from cliport_policy.settings import check_choice, check_keys, check_types
+
+COLOR_WORDS = ("none", "strict", "open")
+
+
+@dataclass(frozen=True)
+class JointConfig:
+    """Shape of the joint network; each switch is an ablation.
+
+    widths: channels of the encoder at 1/2, 1/4, 1/8 and 1/16 of the heightmap; decoder_width: of the decoders at 1/2.
+    token_dim: width of the frozen text encoder's token embeddings. goal_dim: width of one goal vector.
+    context_layers: layers of attention among the cells at 1/16 and to the sentence's tokens; 0 leaves them out.
+    transport_channels: features that are correlated. query_cells: side of the query window in cells of 2 pixels.
+    gate: True lets a cell have no say in the correlation. crop_pixels: side of the rotator's crop.
+    n_rotations: k of rotator and transport.
+    color_words: colour densities that are read from the sentence's words, as maps of where such a colour is seen:
+    `open` knows all names of the survey, `strict` none that holds a word of the benchmark's unseen colours.
+    gray_share: share of training samples in which encoder and decoders see grey, and colours through these maps only.
+    null_actions: 1 for "done", 2 for "done" and "not here" apart.
+    chooses_primitive: True predicts the primitive; otherwise it is that of the demonstrations.
+    """
+
+    widths: tuple[int, ...] = (16, 48, 96, 128)
+    decoder_width: int = 16
+    token_dim: int = 384
+    goal_dim: int = 128
+    context_layers: int = 2
+    transport_channels: int = 8
+    query_cells: int = 31
+    gate: bool = True
+    crop_pixels: int = 64
+    n_rotations: int = 36
+    color_words: str = "open"
+    gray_share: float = 0.4
+    null_actions: int = 2
+    chooses_primitive: bool = True
+
+    def __post_init__(self) -> None:
+        check_types(self, "network")
+        check_choice(self.color_words, COLOR_WORDS, "color_words")
+        if len(self.widths) < 2 or min(*self.widths, self.decoder_width) < 1:
+            raise ConfigError(f"widths must hold at least two positive channel counts, not {self.widths}")
+        if self.n_rotations < 1 or self.query_cells % 2 == 0 or self.crop_pixels % 8:
+            raise ConfigError(
+                f"n_rotations={self.n_rotations} must be positive, query_cells={self.query_cells} odd, "
+                f"crop_pixels={self.crop_pixels} a multiple of 8"
+            )
+        if self.null_actions not in (1, 2) or self.context_layers < 0 or not 0 <= self.gray_share <= 1:
+            raise ConfigError(
+                f"null_actions={self.null_actions} must be 1 or 2, context_layers={self.context_layers} 0 or more, "
+                f"gray_share={self.gray_share} in 0..1"
+            )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values, with the kind, ready for JSON."""
+        return {"kind": "joint", **asdict(self)}
+
+    @classmethod
+    def from_dict(cls, values: dict[str, Any]) -> JointConfig:
+        """Read the values that `to_dict` returned, without the kind.
+
+        Raises:
+            ConfigError: if a name or a value can't be.
+        """
+        check_keys(values, (f.name for f in fields(cls)), "network")
+        return cls(**{**values, "widths": tuple(values.get("widths", cls.widths))})

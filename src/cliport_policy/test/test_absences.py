@@ -1,0 +1,111 @@
+"""Sentences about what is not there: they name what a scene lacks, and only then are they drawn."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cliport_core.heightmap import Heightmap
+from cliport_core.workspace import WorkspaceSpec
+from cliport_policy.data.absences import Absences
+from cliport_policy.data.dataset_format import Demo, Row, SeenThing, part_path, write_part
+from cliport_policy.data.demonstrations import load_demonstrations
+from cliport_policy.data.mixture import Mixture, Source, SourceSettings
+from cliport_policy.data.mixture_file import mixture_names, read_mixture
+from cliport_policy.data.named_things import named_things
+from cliport_policy.errors import ConfigError
+
+SPEC = WorkspaceSpec(pixel_size=0.0125)
+SCENES = {
+    "put the red blocks in a blue bowl": [("red", "block"), ("blue", "bowl"), ("green", "block")],
+    "put the green blocks in a gray bowl": [("green", "block"), ("gray", "bowl")],
+    "move the red ring to the lighter brown side": [("red", "ring"), ("", "stand")],
+}
+
+
+def _write(folder: Path, listed: bool = True) -> Path:
+    rows, cols = SPEC.shape
+    scene = Heightmap(
+        np.zeros((rows, cols, 3), np.uint8), np.zeros((rows, cols), np.float32), np.ones((rows, cols), bool), SPEC
+    )
+    folder.mkdir()
+    made = []
+    for episode, (sentence, things) in enumerate(SCENES.items()):
+        demo = Demo(sentence, False, "pick_place", 1, 1, 0.0, 3.0, 2, 2, 0.0)
+        seen = tuple(SeenThing(name, color, 0, 1, 1) for color, name in things) if listed else ()
+        made.append(Row("mixed", "train", episode, episode, 0, scene, (demo,), seen))
+    write_part(part_path(folder, 0), made)
+    (folder / "meta.json").write_text(json.dumps({"version": 3, "workspace": SPEC.to_dict()}))
+    return folder
+
+
+def test_what_is_drawn_is_never_in_the_scene(tmp_path: Path) -> None:
+    mixture = Mixture([Source(load_demonstrations(_write(tmp_path / "set")))])
+    absences, rng, said = Absences(mixture), np.random.default_rng(0), set()
+    for _ in range(60):
+        for number in range(len(mixture)):
+            drawn = absences.draw(mixture[number], rng)
+            assert drawn.demo.absent and not drawn.demo.acts
+            assert drawn.demo.instruction != mixture[number].demo.instruction
+            said.add((drawn.frame.episode, drawn.demo.instruction))
+    assert len(said) == 6  # two foreign sentences for each of three scenes
+
+
+def test_a_set_that_does_not_list_its_things_is_refused(tmp_path: Path) -> None:
+    mixture = Mixture([Source(load_demonstrations(_write(tmp_path / "set", listed=False)))])
+    with pytest.raises(ConfigError, match="does not list the things on the table"):
+        Absences(mixture)
+
+
+@pytest.mark.parametrize(
+    ("sentence", "things", "there"),
+    [
+        ("put the red blocks in a blue bowl", {("red", "block"), ("blue", "bowl")}, True),
+        ("put the red blocks in a blue bowl", {("red", "bowl"), ("blue", "block")}, False),
+        ("put the red star in the top star hole", {("red", "star"), ("", "star hole")}, True),
+        ("put the red star in the star hole", {("blue", "star"), ("", "star hole")}, False),
+        ("pack all the red and blue blocks into the brown box", {("blue", "box"), ("", "brown box")}, True),
+        ("pack all the red and blue blocks into the brown box", {("gray", "box"), ("", "brown box")}, False),
+        ("pack all the toy train objects in the brown box", {("", "toy train"), ("", "brown box")}, True),
+        ("pack the toy train in the brown box", {("", "yo-yo"), ("", "brown box")}, False),
+        ("put the red block on the lightest brown block", {("red", "block"), ("", "stand")}, True),
+        ("push the pile of red blocks into the blue square", {("red", "small block"), ("blue", "square")}, True),
+        ("push the pile of red blocks into the blue square", {("red", "small block"), ("gray", "square")}, False),
+        ("align the rope from front left tip to front right tip", {("red", "bead"), ("", "square")}, True),
+    ],
+)
+def test_canonical_sentences_are_read(sentence: str, things: set[tuple[str, str]], there: bool) -> None:
+    named = named_things(sentence)
+    assert named is not None and named.are_among(things) is there
+
+
+def test_a_sentence_of_another_kind_names_nothing() -> None:
+    assert named_things("fold the towel") is None
+
+
+def test_the_shipped_mixture_and_its_switches(tmp_path: Path) -> None:
+    assert mixture_names() == ["ten"]
+    entries = read_mixture("ten", tmp_path)
+    assert len(entries) == 10 and all(entry.folder.parent == tmp_path for entry in entries)
+    rope = next(entry for entry in entries if entry.folder.name == "align-rope")
+    assert rope.settings == SourceSettings(recolor=False, rearrange=False)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("sources: []", "must hold a list `sources`"),
+        ("sources: [{data: a, recolour: true}]", "did you mean 'recolor'"),
+        ("sources: [{data: a, recolor: 1}]", "give true or false"),
+        ("sources: [{data: a, weight: -1}]", "give a positive number"),
+        ("source: []", "must hold a list"),
+        ("{", "is no YAML"),
+    ],
+)
+def test_a_wrong_mixture_is_one_clear_line(text: str, message: str, tmp_path: Path) -> None:
+    path = tmp_path / "mixture.yaml"
+    path.write_text(text)
+    with pytest.raises(ConfigError, match=message) as caught:
+        read_mixture(str(path), tmp_path)
+    assert "\n" not in str(caught.value)

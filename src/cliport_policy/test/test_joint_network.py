@@ -1,0 +1,158 @@
+"""The joint network: one look serves all scores, words of colour become maps, and old kinds still load beside it."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from cliport_core.action import Primitive
+from cliport_core.heightmap import Heightmap
+from cliport_core.workspace import WorkspaceSpec
+from cliport_policy.checkpoint import ANCHORS, Card, save_checkpoint
+from cliport_policy.color_words import likelihoods, load_color_head, read_survey
+from cliport_policy.errors import ConfigError
+from cliport_policy.joint_config import JointConfig
+from cliport_policy.language import ENCODER_NAME, shared_encoder
+from cliport_policy.named_configs import load_network_config, network_config_from_dict
+from cliport_policy.networks.factory import build_network
+from cliport_policy.networks.joint.color_words import scaled_lab
+from cliport_policy.networks.joint.network import JointNetwork
+from cliport_policy.networks.rotation import bin_angles
+from cliport_policy.observation import observation_tensor
+from cliport_policy.policy import load_policy
+
+SMALL = {
+    "widths": (8, 12, 16),
+    "decoder_width": 8,
+    "goal_dim": 16,
+    "crop_pixels": 16,
+    "query_cells": 9,
+    "n_rotations": 8,
+}
+PALETTE = {
+    "blue": (78, 121, 167), "red": (255, 87, 89), "green": (89, 169, 79), "orange": (242, 142, 43),
+    "yellow": (237, 201, 72), "purple": (176, 122, 161), "pink": (255, 157, 167), "cyan": (118, 183, 178),
+    "brown": (156, 117, 95), "white": (255, 255, 255), "gray": (186, 176, 172),
+}  # fmt: skip
+pytestmark = pytest.mark.usefixtures("one_thread")
+
+
+def _network(**changes: object) -> JointNetwork:
+    torch.manual_seed(0)
+    network = build_network(load_network_config("multi", {**SMALL, **changes}))
+    assert isinstance(network, JointNetwork)
+    return network.eval()
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {}, {"color_words": "none"}, {"color_words": "strict"}, {"gate": False}, {"context_layers": 0},
+        {"null_actions": 1}, {"chooses_primitive": False},
+    ],
+)  # fmt: skip
+@torch.no_grad()
+def test_one_look_gives_the_scores_that_many_give(changes: dict[str, object]) -> None:
+    network = _network(**changes)
+    images = torch.rand(2, 5, 32, 16)
+    goal = network.encode_goal(["put the red blocks in a blue bowl", "align the rope"])
+    seen = network.look(images, goal)
+    pick, angles = torch.full((2, 2), 8.0), bin_angles(8).expand(2, -1)
+    assert network.score_picks(images, seen).shape == (2, 16 * 8 + network.n_null)
+    assert network.score_places(images, seen, pick, angles).shape == (2, 8, 16, 8)
+    for score in (network.score_picks, network.score_primitives):
+        apart, together = score(images, goal), score(images, seen)
+        assert (apart is None) == (together is None)
+        assert apart is None or torch.allclose(apart, together, atol=1e-5)
+    alone = network.score_picks(images[1:], seen.select(torch.tensor([False, True])))
+    assert torch.allclose(alone, network.score_picks(images, seen)[1:], atol=1e-5)
+
+
+def test_training_hides_colours_from_the_encoder_but_not_from_the_maps() -> None:
+    network = _network(gray_share=1.0).train()
+    heard: list[torch.Tensor] = []
+    network.encoder.register_forward_pre_hook(lambda _, inputs: heard.append(inputs[0]))
+    images = torch.rand(1, 5, 32, 16)
+    network.look(images, network.encode_goal(["put the red blocks in a blue bowl"]))
+    red, green, blue = heard[0][0, :12].unflatten(0, (3, 4))
+    assert torch.allclose(red, green) and torch.allclose(red, blue)
+    assert heard[0].shape[1] == 20 + 3
+
+
+@torch.no_grad()
+def test_a_map_is_bright_where_the_named_colour_is() -> None:
+    network = _network()
+    assert network.color_maps is not None
+    torch.nn.init.zeros_(network.color_maps.choose.weight)
+    image = torch.zeros(1, 5, 64, 32)
+    image[:, 4] = 1
+    for number, name in enumerate(("red", "blue")):
+        color = (torch.tensor(PALETTE[name]) - 127.5) / 64
+        image[0, :3, 32 * number : 32 * number + 32] = color[:, None, None]
+    tokens, mask = shared_encoder().encode(["the blue things"])
+    words = network.goal_reader.read_words(tokens, mask)
+    maps = network.color_maps(torch.nn.functional.pixel_unshuffle(image, 2), tokens, words, mask)
+    assert maps.shape == (1, 3, 32, 16)
+    assert maps[0, 0, 16:].mean() > 5 * maps[0, 0, :16].mean() and maps[0, 0, 16:].mean() > 0.2
+
+
+def test_the_open_head_knows_the_palette_and_the_strict_one_was_not_told_the_unseen_words() -> None:
+    colors = torch.tensor(list(PALETTE.values())) / 255
+    names, own = list(PALETTE), np.arange(len(PALETTE))
+    known = likelihoods(load_color_head("open"), names, colors, shared_encoder())
+    assert (known.argmax(1) == own).sum() >= 10
+    strict = likelihoods(load_color_head("strict"), names, colors, shared_encoder())
+    seen = [i for i, name in enumerate(names) if name not in ("orange", "purple", "pink", "white")]
+    assert (strict.argmax(1) == own)[seen].sum() >= 6
+    told = " ".join(read_survey("strict").names)
+    assert not any(word in told for word in ("orange", "purple", "purplish", "pink", "white"))
+    assert len(read_survey("open").names) > 900
+
+
+def test_no_other_word_is_taken_for_a_colour() -> None:
+    head = load_color_head("open")
+    encoder = shared_encoder()
+    tokens = encoder.encode(["put the blocks in a bowl"]).tokens[0]
+    assert float(head(tokens).is_color.sigmoid().max()) < 0.2
+
+
+def test_lab_is_that_of_the_standard() -> None:
+    found = scaled_lab(torch.tensor([[1.0, 1.0, 1.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])) * 50
+    expected = torch.tensor([[100.0, 0.0, 0.0], [53.24, 80.09, 67.20], [0.0, 0.0, 0.0]])
+    assert torch.allclose(found, expected, atol=0.1)
+
+
+def test_a_checkpoint_loads_and_says_what_it_does(tmp_path: Path) -> None:
+    network = _network()
+    with torch.no_grad():
+        network.null_score.copy_(torch.tensor([0.0, 30.0]))
+        assert network.primitive_head is not None
+        network.primitive_head[-1].bias.copy_(torch.tensor([0.0, 30.0, 0.0]))
+    workspace = WorkspaceSpec(pixel_size=0.0125)
+    anchors = shared_encoder().encode_one("push the pile of red blocks into the blue square").sentence_vectors()
+    path = tmp_path / "joint.safetensors"
+    save_checkpoint(
+        path, {**network.state_dict(), ANCHORS: anchors}, Card(network.config, workspace, ENCODER_NAME, 0.45)
+    )
+    policy = load_policy(path)
+    rows, cols = workspace.shape
+    scene = Heightmap(
+        np.full((rows, cols, 3), 90, np.uint8),
+        np.zeros((rows, cols), np.float32),
+        np.ones((rows, cols), bool),
+        workspace,
+    )
+    assert observation_tensor(scene).shape[1] == 5
+    answer = policy.infer(scene, "push the pile of red blocks into the blue square")
+    assert answer.action.primitive is Primitive.SWEEP
+    assert answer.absent_probability > 0.99 and answer.done_probability < 0.01
+
+
+def test_settings_come_back_and_wrong_ones_are_named() -> None:
+    config = JointConfig(gate=False, widths=(8, 16))
+    assert network_config_from_dict(config.to_dict()) == config
+    with pytest.raises(ConfigError, match="did you mean 'open'"):
+        JointConfig(color_words="opne")
+    with pytest.raises(ConfigError, match="null_actions=3"):
+        JointConfig(null_actions=3)
