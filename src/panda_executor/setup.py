@@ -23,6 +23,7 @@ setup(
     entry_points={
         "console_scripts": [
             "executor = panda_executor.main:main",
+            "guard = panda_executor.node_guard:main",
             "hand_frame = panda_executor.node_hand_frame:main",
         ]
     },

@@ -95,8 +95,13 @@ def bench_camera_and_action() -> list[Row]:
     return rows
 
 
-def bench_planning() -> list[Row]:
-    """Time planning all motions of one pick and place, from the ready pose in scenes of the task."""
+def bench_planning() -> Iterator[Row]:
+    """Time planning one pick and place of the task from the ready pose, and single searches among columns.
+
+    search_clutter_*: from one side of the workspace to the other, where no straight way is free; *_found: how many of
+    these searches found a way.
+    """
+    from cliport_benchmark.bench_planning import compared
     from cliport_benchmark.observer import Observer
     from cliport_core import PickPlaceAction
     from panda_executor.model import PandaModel
@@ -119,7 +124,10 @@ def bench_planning() -> list[Row]:
         planner.plan(asked, cloud, sim.workspace, planner.ready)
         samples.append(1000 * (time.perf_counter() - start))
     world.close()
-    return [row("plan_transfer", samples, "ms")]
+    yield row("plan_transfer", samples, "ms")
+    for name, times, share in compared(20):
+        yield row(f"search_clutter_{name}", times, "ms")
+        yield row(f"search_clutter_{name}_found", [share], "%")
 
 
 def bench_training() -> Iterator[Row]:
@@ -251,25 +259,32 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--group", choices=sorted(BENCHES), help=f"one instead of all but {', '.join(ON_REQUEST)}")
     parser.add_argument("--out", default="out/bench.json")
     args = parser.parse_args(argv)
-    rows: list[Row] = []
-    print(f"{'name':56}{'median':>10}{'min':>10}{'max':>10}  unit     n", flush=True)
-    try:
-        for name, bench in BENCHES.items():
-            if name != args.group and (args.group or name in ON_REQUEST):
-                continue
-            for r in bench():
-                rows.append(r)
-                print(f"{r.name:56}{r.median:10.2f}{r.min:10.2f}{r.max:10.2f}  {r.unit:5}{r.n:5}", flush=True)
-    except BenchmarkError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 1
+    rows, failed = _measured(args.group)
     out = Path(args.out)
     out.parent.mkdir(parents=True, exist_ok=True)
     out.write_text(
         json.dumps({"machine": machine(), "versions": versions(), "rows": [asdict(r) for r in rows]}, indent=2) + "\n"
     )
     print(f"written to {out}")
-    return 0
+    return 1 if failed else 0
+
+
+def _measured(group: str | None) -> tuple[list[Row], bool]:
+    """Return the rows of one group or of all, printed as they come, and whether a group ended early."""
+    rows: list[Row] = []
+    failed = False
+    print(f"{'name':56}{'median':>10}{'min':>10}{'max':>10}  unit     n", flush=True)
+    for name, bench in BENCHES.items():
+        if name != group and (group or name in ON_REQUEST):
+            continue
+        try:
+            for r in bench():
+                rows.append(r)
+                print(f"{r.name:56}{r.median:10.2f}{r.min:10.2f}{r.max:10.2f}  {r.unit:5}{r.n:5}", flush=True)
+        except BenchmarkError as error:
+            failed = True
+            print(f"error: {error}", file=sys.stderr)
+    return rows, failed
 
 
 if __name__ == "__main__":

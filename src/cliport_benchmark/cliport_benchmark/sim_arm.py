@@ -10,6 +10,7 @@ import numpy.typing as npt
 from panda_executor.ports import GripperResult, MotionResult, MotionStatus, ShouldStop
 from panda_executor.trajectory import JointTrajectory
 from sim_bridge.control import (
+    ErrorCode,
     GoalRejectedError,
     GoalStatus,
     GripperController,
@@ -100,6 +101,8 @@ class SimArmPort:
                 controller.hold("took too long")
                 return MotionResult(MotionStatus.TIMED_OUT, f"not done {_OVERTIME} s after its end")
             motion.tick()
+        if execution.error_code is ErrorCode.GOAL_TOLERANCE_VIOLATED:
+            return MotionResult(MotionStatus.OFF_GOAL, execution.error_string)
         return MotionResult(_MOTION_STATUS[execution.status], execution.error_string)
 
 

@@ -17,7 +17,7 @@ from cliport_core.action import ActionGoal, PickPlaceAction, Primitive
 from cliport_core.errors import GoalError, ImageError
 from cliport_core.heightmap import Heightmap
 from cliport_core.images import ImageBuffer, decode_color, decode_depth
-from cliport_core.outcome import ActionResult, Outcome
+from cliport_core.outcome import ActionResult, Outcome, Refusal
 from cliport_core.policy_state import PolicyState, ServerStatus
 from cliport_core.pose import PlanarPose, Pose
 from cliport_core.workspace import WorkspaceSpec
@@ -100,7 +100,10 @@ def goal_to_msg(goal: ActionGoal, base_frame: str) -> PickPlace.Goal:
     """Return a PickPlace goal; the action's confidence is not in it."""
     action = goal.action
     message = PickPlace.Goal(
-        instruction=goal.instruction, primitive=int(action.primitive), plan_only=bool(goal.plan_only)
+        instruction=goal.instruction,
+        primitive=int(action.primitive),
+        plan_only=bool(goal.plan_only),
+        owner=goal.owner,
     )
     message.header.frame_id = base_frame
     message.header.stamp = stamp_to_msg(goal.stamp_ns)
@@ -129,7 +132,13 @@ def goal_from_msg(message: PickPlace.Goal, base_frame: str) -> ActionGoal:
         known = ", ".join(f"{p.value} ({p.label})" for p in Primitive)
         raise GoalError(f"unknown primitive {message.primitive}; known are {known}") from None
     action = PickPlaceAction(poses[0], poses[1], primitive)
-    return ActionGoal(action, str(message.instruction), stamp_from_msg(message.header.stamp), bool(message.plan_only))
+    return ActionGoal(
+        action,
+        str(message.instruction),
+        stamp_from_msg(message.header.stamp),
+        bool(message.plan_only),
+        str(message.owner),
+    )
 
 
 def result_to_msg(result: ActionResult) -> PickPlace.Result:
@@ -139,6 +148,9 @@ def result_to_msg(result: ActionResult) -> PickPlace.Result:
         point = message.grasp_centroid
         point.x, point.y, point.z = (float(v) for v in result.grasp_centroid)
     message.gripper_width = float(result.gripper_width)
+    message.refusal = int(result.refusal)
+    message.refusal_value = math.nan if result.refusal_value is None else float(result.refusal_value)
+    message.refusal_limit = math.nan if result.refusal_limit is None else float(result.refusal_limit)
     return message
 
 
@@ -158,6 +170,9 @@ def result_from_msg(message: PickPlace.Result, ended_well: bool = True) -> Actio
         " ".join(str(message.message).split()),
         centroid if any(centroid) else None,
         float(message.gripper_width),
+        Refusal.from_number(int(message.refusal)),
+        None if math.isnan(message.refusal_value) else float(message.refusal_value),
+        None if math.isnan(message.refusal_limit) else float(message.refusal_limit),
     )
 
 

@@ -37,11 +37,39 @@ class Outcome(IntEnum):
             return cls.EXECUTION_FAILED
 
 
+class Refusal(IntEnum):
+    """The reasons for which a request is refused before anything moves; values as in the PickPlace action."""
+
+    NONE = 0
+    MALFORMED = 1
+    OUTSIDE_WORKSPACE = 2
+    OUT_OF_REACH = 3
+    NO_CLOUD = 4
+    OLD_CLOUD = 5
+    FUTURE_CLOUD = 6
+    NO_CAMERA_POSE = 7
+    JOINT_STATES = 8
+    TABLE_HEIGHT = 9
+    HAND_NOT_EMPTY = 10
+    NOT_APPROVED = 11
+    OWNER_SILENT = 12
+
+    @classmethod
+    def from_number(cls, number: int) -> Refusal:
+        """Return the refusal that a message names; an unknown one counts as a malformed request."""
+        try:
+            return cls(number)
+        except ValueError:
+            return cls.MALFORMED
+
+
 @dataclass(frozen=True)
 class ActionResult:
     """The end of an action.
 
     message: one line for a person.
+    refusal: why it was refused; refusal_value, refusal_limit: what was found and what would have been allowed, in SI
+    units, None where there is no such number.
     grasp_centroid: (x, y, z) [m, base frame] of what was grasped; None where nothing was.
     gripper_width: between the fingers after closing [m].
     """
@@ -50,3 +78,6 @@ class ActionResult:
     message: str
     grasp_centroid: tuple[float, float, float] | None = None
     gripper_width: float = 0.0
+    refusal: Refusal = Refusal.NONE
+    refusal_value: float | None = None
+    refusal_limit: float | None = None

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from typing import Any
 
 from rclpy.action import ActionServer
+from rclpy.exceptions import InvalidHandle
 
 
 class ThreadedActionServer(ActionServer):  # type: ignore[type-arg,unused-ignore]
@@ -23,7 +24,8 @@ class ThreadedActionServer(ActionServer):  # type: ignore[type-arg,unused-ignore
 
         def run() -> None:
             coroutine = self._execute_goal(callback, goal_handle)
-            with contextlib.suppress(StopIteration):  # a plain callback: the coroutine ends at its first step
+            # A plain callback: the coroutine ends at its first step. A node that ends meanwhile takes the handle away.
+            with contextlib.suppress(StopIteration, InvalidHandle):
                 coroutine.send(None)
 
         threading.Thread(target=run, name="goal", daemon=True).start()

@@ -40,6 +40,11 @@ DEMONSTRATION = "/cliport/demonstration"
 # the executor
 PICK_PLACE = "/panda_executor/pick_place"
 HEARTBEAT = "/panda_executor/heartbeat"
+OWNER_HEARTBEAT = "/cliport/owner_heartbeat"
+EXECUTOR_APPROVE = "/panda_executor/approve"
+EXECUTOR_READY = "/panda_executor/ready"
+EXECUTOR_OPEN = "/panda_executor/open"
+EXECUTOR_RECOVER = "/panda_executor/recover"
 EXECUTOR_STOP = "/panda_executor/stop"
 EXECUTOR_RESUME = "/panda_executor/resume"
 

@@ -72,12 +72,16 @@ class PolicyServerNode(Node):
             self.create_service(Trigger, name, partial(_answer, act))
         # wall time: nothing may hang when simulated time stands still
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(TICK_S, lambda: self._server.tick(self._now()), clock=steady)
+        self.create_timer(TICK_S, self._tick, clock=steady)
         self._server.announce()
 
     def close(self) -> None:
         """Stop the inference thread."""
         self._worker.close()
+
+    def _tick(self) -> None:
+        self._server.tick(self._now())
+        self._executor_link.beat()
 
     def _now(self) -> Moment:
         return Moment(time.monotonic(), self.get_clock().now().nanoseconds)

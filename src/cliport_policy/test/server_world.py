@@ -65,8 +65,9 @@ class World:
     def cancel(self, token: int) -> None:
         self.cancelled.append(token)
 
-    def stop(self) -> None:
+    def stop(self) -> bool:
         self.stops += 1
+        return self.ready
 
     def resume(self) -> None:
         self.resumes += 1

@@ -156,3 +156,25 @@ def test_simulated_time_may_stand_still_or_start_afresh() -> None:
 def test_senseless_settings_are_refused(settings: dict[str, Any]) -> None:
     with pytest.raises(ConfigError):
         ServerConfig(**settings)
+
+
+def test_a_goal_that_is_taken_after_it_was_given_up_is_cancelled() -> None:
+    """It used to run on with nobody's care."""
+    world = World()
+    world.say()
+    world.see()
+    world.think()
+    token = world.goals[-1][0]
+    world.wait(5.1)
+    assert world.state == PolicyState.FAILED
+    world.server.on_goal_response(token, True, world.now)
+    assert world.cancelled == [token]
+
+
+def test_a_stop_that_did_not_reach_the_executor_says_so() -> None:
+    world = World()
+    world.ready = False
+    answer = world.server.stop(world.now)
+    assert not answer.success
+    assert "the arm was not told" in answer.message and "\n" not in answer.message
+    assert world.message == answer.message

@@ -12,7 +12,7 @@ OnPhase = Callable[[str, float], None]  # name of the phase as the executor give
 OnEnd = Callable[[ActionResult], None]
 
 ACCEPTED = "ACCEPTED"  # the phase that an arm reports when it has taken a goal
-RESTING = frozenset({ACCEPTED, "VALIDATING", "GRASP_PLANNING"})  # phases in which nothing moves yet
+RESTING = frozenset({ACCEPTED, "VALIDATING", "GRASP_PLANNING", "APPROVAL"})  # phases in which nothing moves yet
 
 
 class Arm(Protocol):

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import time
+import uuid
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 from action_msgs.msg import GoalStatus
 from rclpy.action import ActionClient
 from rclpy.action.client import ClientGoalHandle
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
 from rclpy.node import Node
-from std_msgs.msg import Empty
+from std_msgs.msg import Empty, String
 from std_srvs.srv import Trigger
 
 from cliport_core import topics
@@ -21,6 +25,7 @@ from cliport_interfaces.action import PickPlace
 from demo_tool.ports import ACCEPTED, OnEnd, OnPhase
 
 _HEARTBEAT_TIMEOUT = 1.0  # [s]
+_BEAT_PERIOD = 0.05  # of its own signs of life [s]
 _STOPS = (topics.EXECUTOR_STOP, topics.STOP)
 _RESUMES = (topics.EXECUTOR_RESUME, topics.RESUME)
 
@@ -31,6 +36,10 @@ class RosArm:
     def __init__(self, node: Node, base_frame: str, post: Callable[[Callable[[], None]], None]) -> None:
         self._node, self._base_frame, self._post = node, base_frame, post
         self._action = ActionClient(node, PickPlace, topics.PICK_PLACE)
+        self._owner = f"{node.get_name()}-{uuid.uuid4().hex[:8]}"
+        beats = node.create_publisher(String, topics.OWNER_HEARTBEAT, 10)
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        node.create_timer(_BEAT_PERIOD, lambda: beats.publish(String(data=self._owner)), clock=steady)
         self._triggers = {name: node.create_client(Trigger, name) for name in (*_STOPS, *_RESUMES)}
         node.create_subscription(Empty, topics.HEARTBEAT, self._on_heartbeat, 1)
         self._beat: float | None = None
@@ -69,7 +78,8 @@ class RosArm:
     def _send(self, mine: _Goal, goal: ActionGoal) -> None:
         self._goal = mine
         sent = self._action.send_goal_async(
-            goal_to_msg(goal, self._base_frame), feedback_callback=lambda message: mine.on_feedback(message.feedback)
+            goal_to_msg(replace(goal, owner=self._owner), self._base_frame),
+            feedback_callback=lambda message: mine.on_feedback(message.feedback),
         )
         sent.add_done_callback(lambda done: mine.on_answer(done.result()))
 

@@ -18,6 +18,8 @@ _PHASES = {
     "OPEN": "opening the fingers",
     "RETREAT": "going back",
     "DONE": "done",
+    "APPROVAL": "waiting for approval of the plan",
+    "RECOVERING": "going back after a failure",
 }
 _OUTCOMES = {
     Outcome.SUCCEEDED: "succeeded",

@@ -2,85 +2,120 @@
 
 from __future__ import annotations
 
-import threading
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from action_msgs.msg import GoalStatus
+from action_msgs.srv import CancelGoal
 from rclpy.action import ActionClient
 from rclpy.callback_groups import CallbackGroup
 from rclpy.node import Node
-from rclpy.task import Future
 
+from panda_executor.action_goal import OwnedGoal
+from panda_executor.heartbeat import WorkPulse
 from panda_executor.ports import MotionStatus, ShouldStop
 
 _POLL = 0.01  # between two looks at should_stop [s]
-_ANSWER_TIME = 3.0  # for the server's answer to a goal or a cancel, wall clock [s]
+_ANSWER_TIME = 3.0  # for the server's answer to a goal, wall clock [s]
+_CANCEL_TIME = 1.0  # for a cancelled goal's end, wall clock [s]
 _STANDSTILL = 5.0  # ROS time that does not move for so long, wall clock, will not move again [s]
 _CHECK_SERVER = 0.25  # between two looks for the server, wall clock [s]
 
 
 @dataclass(frozen=True)
 class ActionEnd:
-    """The end of a goal; `result` is the action's result message when there is one."""
+    """The end of a goal; `result` is the action's result message when there is one.
+
+    confirmed: False where the server never said that the goal is over: it may still be executed.
+    """
 
     status: MotionStatus
     result: Any = None
     message: str = ""
+    confirmed: bool = True
 
 
 class ActionCaller:
-    """Sends goals to one action server, one at a time.
+    """Sends goals to one action server, one at a time, and sees each to its end.
 
     Must be called from a thread other than those that the client's callbacks need.
+
+    Args:
+        pulse: is told of every look at a goal: what is owned is being watched.
     """
 
-    def __init__(self, node: Node, action_type: Any, name: str, group: CallbackGroup) -> None:
-        self._name = name
+    def __init__(
+        self, node: Node, action_type: Any, name: str, group: CallbackGroup, pulse: WorkPulse | None = None
+    ) -> None:
+        self._node, self._name, self._pulse = node, name, pulse or WorkPulse(time.monotonic)
         self._client = ActionClient(node, action_type, name, callback_group=group)
+        self._cancel_service = node.create_client(CancelGoal, cancel_service(name), callback_group=group)
         self._now: Callable[[], float] = lambda: node.get_clock().now().nanoseconds * 1e-9
 
     def is_ready(self) -> bool:
         """Return True if the server is there."""
         return bool(self._client.server_is_ready())
 
+    def cancel_all(self) -> None:
+        """Cancel every goal at the server, whoever sent it; does not wait for the answer."""
+        self._post(lambda: self._cancel_service.call_async(CancelGoal.Request()))
+
     def call(self, goal: Any, timeout: float, should_stop: ShouldStop) -> ActionEnd:
-        """Send a goal and wait for its end. When should_stop turns true or time runs out, the goal is cancelled first.
+        """Send a goal and wait for its end. Whatever ends the wait, the goal is over or cancelled when this returns.
 
         Args:
             timeout: of the motion, in ROS time [s]. A clock that stands still ends the wait, too.
+
+        Raises:
+            Exception: what should_stop raises, once the goal is cancelled.
         """
         if not self._client.wait_for_server(timeout_sec=1.0):
             return ActionEnd(MotionStatus.UNAVAILABLE, message=f"no action server at {self._name}")
         if should_stop():
             return ActionEnd(MotionStatus.CANCELLED, message="stopped before it was sent")
-        sent = self._client.send_goal_async(goal)
-        handle = self._wait(sent, _ANSWER_TIME)
-        if handle is None:
-            # It may yet be taken: whoever takes it is told to drop it.
-            sent.add_done_callback(_cancel_late)
-            return ActionEnd(MotionStatus.UNAVAILABLE, message=f"no answer from {self._name}")
-        if not handle.accepted:
-            return ActionEnd(MotionStatus.REJECTED, message=f"{self._name} did not take the goal")
-        future = handle.get_result_async()
-        cause = self._watch(future, timeout, should_stop)
+        self._pulse.begin()
+        mine = OwnedGoal(self._client, goal, self._post)
+        confirmed = True
+        try:
+            cause = self._accepted(mine, should_stop) or self._watch(mine, timeout, should_stop)
+        finally:
+            if not mine.ended.is_set():
+                confirmed = self._withdraw(mine)
+            self._pulse.end()
         if cause is None:
-            return self._ended(future.result())
-        return self._cancelled(handle, future, cause)
+            return self._ended(mine)
+        if not confirmed:
+            return replace(cause, message=f"{cause.message}; the cancel was not confirmed", confirmed=False)
+        return replace(cause, result=mine.answer.result if mine.answer is not None else None)
 
-    def _watch(self, future: Future, timeout: float, should_stop: ShouldStop) -> ActionEnd | None:
+    def _accepted(self, mine: OwnedGoal, should_stop: ShouldStop) -> ActionEnd | None:
+        """Wait for the server's answer: None once it has taken the goal, otherwise why to give it up."""
+        deadline = time.monotonic() + _ANSWER_TIME
+        while mine.accepted is None:
+            self._pulse.beat()
+            if should_stop():
+                return ActionEnd(MotionStatus.CANCELLED, message="stopped on request")
+            if time.monotonic() > deadline:
+                return ActionEnd(MotionStatus.UNAVAILABLE, message=f"no answer from {self._name}")
+            time.sleep(_POLL)
+        if not mine.accepted:
+            return ActionEnd(MotionStatus.REJECTED, message=f"{self._name} did not take the goal")
+        return None
+
+    def _watch(self, mine: OwnedGoal, timeout: float, should_stop: ShouldStop) -> ActionEnd | None:
         """Wait for the result: None once it is there, otherwise the reason to cancel the goal."""
-        done = threading.Event()
-        future.add_done_callback(lambda _: done.set())
         deadline = self._now() + timeout
         last, moved_at = self._now(), time.monotonic()
         server_seen_at = looked_at = time.monotonic()
-        while not done.wait(_POLL):
+        while not mine.ended.wait(_POLL):
+            self._pulse.beat()
             if should_stop():
                 return ActionEnd(MotionStatus.CANCELLED, message="stopped on request")
             now, wall = self._now(), time.monotonic()
+            if now < last:  # the clock was set back: what is left of the time begins anew
+                deadline = now + timeout
             if now != last:
                 last, moved_at = now, wall
             if now > deadline:
@@ -94,30 +129,33 @@ class ActionCaller:
                     return ActionEnd(MotionStatus.UNAVAILABLE, message=f"{self._name} went away")
         return None
 
-    def _cancelled(self, handle: Any, future: Future, cause: ActionEnd) -> ActionEnd:
-        """Cancel, wait until the server has ended the goal, and report the cause."""
-        handle.cancel_goal_async()
-        answer = self._wait(future, 1.0)
-        if answer is None:
-            return ActionEnd(cause.status, message=f"{cause.message}; the cancel was not confirmed")
-        return ActionEnd(cause.status, answer.result, cause.message)
+    def _withdraw(self, mine: OwnedGoal) -> bool:
+        """Cancel the goal, and every goal where that one's end is not confirmed; return whether it has ended."""
+        for cancel in (mine.cancel, self.cancel_all):
+            cancel()
+            deadline = time.monotonic() + _CANCEL_TIME
+            while time.monotonic() < deadline:
+                self._pulse.beat()
+                if mine.ended.wait(_POLL):
+                    return True
+        return False
 
     @staticmethod
-    def _ended(answer: Any) -> ActionEnd:
+    def _ended(mine: OwnedGoal) -> ActionEnd:
         statuses = {
             GoalStatus.STATUS_SUCCEEDED: MotionStatus.SUCCEEDED,
             GoalStatus.STATUS_CANCELED: MotionStatus.CANCELLED,
         }
-        return ActionEnd(statuses.get(answer.status, MotionStatus.ABORTED), answer.result)
+        return ActionEnd(statuses.get(mine.answer.status, MotionStatus.ABORTED), mine.answer.result)
 
-    @staticmethod
-    def _wait(future: Future, seconds: float) -> Any | None:
-        done = threading.Event()
-        future.add_done_callback(lambda _: done.set())
-        return future.result() if done.wait(seconds) else None
+    def _post(self, function: Callable[[], object]) -> None:
+        """Call a function in the thread that spins the node."""
+        if self._node.executor is None:  # nothing spins: nobody answers either
+            function()
+        else:
+            self._node.executor.create_task(function)
 
 
-def _cancel_late(future: Future) -> None:
-    handle = future.result()
-    if handle is not None and handle.accepted:
-        handle.cancel_goal_async()
+def cancel_service(action: str) -> str:
+    """Return the name of an action's cancel service; a zero id cancels all of its goals."""
+    return f"{action}/_action/cancel_goal"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -11,12 +12,14 @@ import numpy.typing as npt
 from cliport_core.action import ActionGoal, Primitive
 from cliport_core.outcome import ActionResult, Outcome
 from cliport_core.workspace import WorkspaceSpec
+from panda_executor.config import AfterFailure
 from panda_executor.drag import plan_drag
 from panda_executor.errors import ExecutorError, GraspError, PlanningError, RequestError
 from panda_executor.hand_geometry import HandShape
 from panda_executor.motions import Motion
+from panda_executor.object_moved import vacated_share
 from panda_executor.phase import Phase
-from panda_executor.request_check import check_cloud, check_poses, check_positions, check_reach
+from panda_executor.request_check import check_cloud, check_poses, check_positions, check_reach, check_table
 from panda_executor.run_commands import EarlyEnd, LoadLost, RunCommands
 from panda_executor.transfer import TransferPlanner
 from panda_executor.transfer_attempts import PickPlacePlan
@@ -24,6 +27,7 @@ from panda_model.limits import FloatArray
 
 Cloud = npt.NDArray[np.float32]
 CloudSource = Callable[[], Cloud]
+Look = Callable[[], Cloud | None]  # the newest cloud, None where none came since the last one
 
 
 class ActionRun:
@@ -36,22 +40,56 @@ class ActionRun:
         goal: ActionGoal,
         cloud_source: CloudSource,
         workspace: WorkspaceSpec,
+        look: Look = lambda: None,
     ) -> None:
+        self._look = look
         self._planner, self._commands, self._config = planner, commands, commands.config
         self._goal, self._action = goal, goal.action
         self._cloud_source, self._workspace = cloud_source, workspace
         self._centroid: FloatArray | None = None
+        self._loaded: HandShape | None = None  # the hand with what it is to hold
+        self._recovering = False
 
     def result(self) -> ActionResult:
         """Run the goal to its end, whatever that is."""
+        return self._ended(self._validated_sequence, Outcome.PLANNED if self._goal.plan_only else Outcome.SUCCEEDED)
+
+    def go_ready(self) -> ActionResult:
+        """Move to the ready pose."""
+
+        def go() -> str:
+            self._retreat_from_here()
+            return "the arm is at its ready pose"
+
+        return self._ended(go, Outcome.SUCCEEDED)
+
+    def recover(self) -> ActionResult:
+        """Move up from wherever the arm is, then to the ready pose; what is held stays held."""
+
+        def go() -> str:
+            self._go_back()
+            return "the arm went back to its ready pose"
+
+        return self._ended(go, Outcome.SUCCEEDED)
+
+    def open(self) -> ActionResult:
+        """Open the fingers where they are."""
+
+        def go() -> str:
+            self._commands.move_fingers(self._config.hand.opening, self._config.open_force)
+            return "the fingers are open"
+
+        return self._ended(go, Outcome.SUCCEEDED)
+
+    def _ended(self, act: Callable[[], str], success: Outcome) -> ActionResult:
+        """Return how `act` ended, which returns a sentence when it went well."""
         try:
-            message = self._validated_sequence()
-            outcome = Outcome.PLANNED if self._goal.plan_only else Outcome.SUCCEEDED
-            return self._end(outcome, message)
+            return self._end(success, act())
         except EarlyEnd as end:
-            return self._end(end.outcome, str(end))
+            return self._recovered(end)
         except RequestError as error:
-            return self._end(Outcome.REJECTED, str(error))
+            ended = self._end(Outcome.REJECTED, str(error))
+            return replace(ended, refusal=error.refusal, refusal_value=error.value, refusal_limit=error.limit)
         except (GraspError, PlanningError) as error:
             if self._commands.should_stop():
                 return self._end(Outcome.CANCELLED, "cancelled during planning; nothing moved")
@@ -59,17 +97,35 @@ class ActionRun:
         except ExecutorError as error:
             return self._end(Outcome.EXECUTION_FAILED, str(error))
 
-    def go_ready(self) -> ActionResult:
-        """Move to the ready pose."""
-        try:
-            self._retreat_from_here()
-            return self._end(Outcome.SUCCEEDED, "the arm is at its ready pose")
-        except EarlyEnd as end:
+    def _recovered(self, end: EarlyEnd) -> ActionResult:
+        """Return how a run ended that a failure cut short, after the arm went back where it is to."""
+        rule = self._config.after_failure
+        if not end.may_recover or not self._commands.moved or rule is AfterFailure.STAY or self._recovering:
             return self._end(end.outcome, str(end))
-        except PlanningError as error:
-            return self._end(Outcome.PLANNING_FAILED, str(error))
+        try:
+            if rule is AfterFailure.OPEN:
+                self._commands.move_fingers(self._config.hand.opening, self._config.open_force)
+            self._go_back()
+        except EarlyEnd as second:
+            outcome = second.outcome if second.outcome is Outcome.CANCELLED else end.outcome
+            return self._end(outcome, f"{end}; the arm did not get back: {second}")
         except ExecutorError as error:
-            return self._end(Outcome.EXECUTION_FAILED, str(error))
+            return self._end(end.outcome, f"{end}; the arm stays where it is: {error}")
+        return self._end(end.outcome, f"{end}; the arm went back to its ready pose")
+
+    def _go_back(self) -> None:
+        self._recovering = True
+        self._commands.enter(Phase.RECOVERING)
+        hand = HandShape(self._config.hand)
+        if self._loaded is not None and not self._commands.is_empty():
+            hand = self._loaded
+        start = self._commands.positions()
+        grid = self._planner.grid(self._cloud, self._workspace, start)
+        up = self._planner.upward(start, grid, hand)
+        if up is not None:
+            self._commands.move(up)
+        here = self._commands.positions()
+        self._commands.move(replace(self._planner.homeward(here, grid, hand), phase=Phase.RECOVERING))
 
     def _end(self, outcome: Outcome, message: str) -> ActionResult:
         try:
@@ -89,6 +145,9 @@ class ActionRun:
         self._commands.enter(Phase.VALIDATING)
         check_poses(self._action, self._workspace)
         check_cloud(self._cloud)  # what no cloud can mend has been said without waiting for one
+        if not self._goal.plan_only:
+            self._commands.check_empty()
+        check_table(self._cloud, self._workspace, self._config.scene.table_z, self._config.table)
         start = self._commands.positions()
         check_positions(start)
         check_reach(self._action, self._planner.ik, start, self._config.scene.table_z)
@@ -102,11 +161,13 @@ class ActionRun:
         plan = self._planner.plan(
             self._action, self._cloud, self._workspace, start, commands.progress, commands.should_stop
         )
-        self._centroid = plan.grasp.centroid
+        self._centroid, self._loaded = plan.grasp.centroid, plan.carry.scene.hand
         duration = sum(motion.trajectory.duration for motion in plan.motions)
         if self._goal.plan_only:
             return f"planned {len(plan.motions)} motions of {duration:.1f} s in all; nothing moved"
+        commands.await_approval()
         commands.move(plan.go_above)
+        self._look_again(plan)
         commands.enter(Phase.DESCEND)
         commands.move_fingers(plan.grasp.opening, self._config.open_force)
         commands.move(plan.descend)
@@ -125,6 +186,20 @@ class ActionRun:
         commands.enter(Phase.DONE)
         return "the object was placed"
 
+    def _look_again(self, plan: PickPlacePlan) -> None:
+        """Go back where the object is seen to have left its place while the arm was under way."""
+        cloud = self._look()
+        if cloud is None:
+            return
+        share = vacated_share(cloud, plan.grasp)
+        if share > self._config.moved_share:
+            self._give_up(
+                self._config.hand.opening,
+                None,
+                f"the object moved while the arm was under way: {100.0 * share:.0f} % of its place is empty "
+                f"(at most {100.0 * self._config.moved_share:.0f} %)",
+            )
+
     def _drag(self, start: FloatArray) -> str:
         commands = self._commands
         commands.enter(Phase.GRASP_PLANNING)
@@ -133,21 +208,22 @@ class ActionRun:
         name = self._action.primitive.label
         if self._goal.plan_only:
             return f"planned a {name}; nothing moved"
+        commands.await_approval()
         commands.move(plan.go_above)
         commands.enter(Phase.DESCEND)
         commands.move_fingers(plan.opening, self._config.open_force)
-        commands.move(plan.descend)
+        commands.move(plan.descend, may_end_off=True)
         if fold:
             self._close()
             if commands.is_empty():
                 self._give_up(plan.opening, plan.escape, "the fingers closed on nothing")
         if plan.lift is not None:
-            commands.move(plan.lift)
+            commands.move(plan.lift, may_end_off=True)
         if fold:
-            self._carry(plan.drag)
+            self._carry(plan.drag, may_end_off=True)
             self._open(plan.opening)
         else:
-            commands.move(plan.drag)
+            commands.move(plan.drag, may_end_off=True)
         commands.move(plan.leave)
         commands.move(plan.retreat)
         commands.enter(Phase.DONE)
@@ -161,10 +237,10 @@ class ActionRun:
         self._commands.enter(Phase.OPEN)
         self._commands.let_go(opening)
 
-    def _carry(self, motion: Motion) -> None:
+    def _carry(self, motion: Motion, may_end_off: bool = False) -> None:
         """Move with something in the fingers; give up when it is lost."""
         try:
-            self._commands.move(motion, watch_load=True)
+            self._commands.move(motion, watch_load=True, may_end_off=may_end_off)
         except LoadLost as loss:
             self._give_up(self._config.hand.opening, None, str(loss), Outcome.DROPPED)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 
 from cliport_core.errors import FrameError
+from cliport_core.outcome import Refusal
 from cliport_core.pose import Pose
 from cliport_core.transforms import TransformTree
 from panda_executor.errors import RequestError
@@ -42,10 +43,14 @@ class CameraPlace:
         """
         with self._lock:
             if self._camera_frame is None:
-                raise RequestError("where the camera stands is not known: no camera_info has arrived; is it running?")
+                raise RequestError(
+                    "where the camera stands is not known: no camera_info has arrived; is it running?",
+                    Refusal.NO_CAMERA_POSE,
+                )
             try:
                 return self._tree.source_in_target(self._camera_frame, self._base_frame).translation
             except FrameError as error:
                 raise RequestError(
-                    f"where the camera stands is not known: {error}; publish its calibration on /tf_static"
+                    f"where the camera stands is not known: {error}; publish its calibration on /tf_static",
+                    Refusal.NO_CAMERA_POSE,
                 ) from None

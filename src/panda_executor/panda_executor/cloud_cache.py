@@ -6,6 +6,7 @@ import threading
 
 from cliport_core import topics
 from cliport_core.errors import ImageError
+from cliport_core.outcome import Refusal
 from cliport_core.raw_header import header_of_raw
 from panda_executor.errors import RequestError
 
@@ -25,10 +26,11 @@ class CloudCache:
         max_age: an older cloud is not given out [s].
         behind: a cloud may have been taken this much before the observation that a goal comes from [s];
             by default it must show the same scene or a later one.
+        max_ahead: nor is one given out that is stamped later than now by more [s].
     """
 
-    def __init__(self, max_age: float = 2.0, behind: float = 0.0) -> None:
-        self._max_age, self._behind = max_age, behind
+    def __init__(self, max_age: float = 2.0, behind: float = 0.0, max_ahead: float = 0.25) -> None:
+        self._max_age, self._behind, self._max_ahead = max_age, behind, max_ahead
         self._lock = threading.Lock()
         self._raw: bytes | None = None
         self._stamp_ns = 0
@@ -43,6 +45,12 @@ class CloudCache:
         with self._lock:
             return float("inf") if self._raw is None else (now_ns - self._stamp_ns) * 1e-9
 
+    def newest(self, now_ns: int) -> bytes | None:
+        """Return the newest cloud, serialized, whatever it shows; None where none came lately."""
+        with self._lock:
+            age = (now_ns - self._stamp_ns) * 1e-9
+            return self._raw if -self._max_ahead <= age <= self._max_age else None
+
     def get(self, now_ns: int, goal_stamp_ns: int, still_since_ns: int) -> bytes:
         """Return the newest cloud, serialized, if it shows the table as it is now.
 
@@ -56,15 +64,29 @@ class CloudCache:
         with self._lock:
             raw, stamp_ns = self._raw, self._stamp_ns
         if raw is None:
-            raise RequestError(f"no point cloud has arrived on {topics.POINTS}; is perception running?")
+            raise RequestError(
+                f"no point cloud has arrived on {topics.POINTS}; is perception running?", Refusal.NO_CLOUD
+            )
         age = (now_ns - stamp_ns) * 1e-9
         if age > self._max_age:
             raise RequestError(
-                f"the point cloud is {age:.1f} s old (at most {self._max_age:g} s); has the camera stopped?"
+                f"the point cloud is {age:.1f} s old (at most {self._max_age:g} s); has the camera stopped?",
+                Refusal.OLD_CLOUD,
+                age,
+                self._max_age,
+            )
+        if age < -self._max_ahead:
+            raise RequestError(
+                f"the point cloud is {-age:.1f} s ahead of the clock (at most {self._max_ahead:g} s); "
+                "do camera and executor follow one clock?",
+                Refusal.FUTURE_CLOUD,
+                -age,
+                self._max_ahead,
             )
         behind = (goal_stamp_ns - stamp_ns) * 1e-9
         if goal_stamp_ns and behind > self._behind:
-            raise RequestError(f"the point cloud is {behind:.1f} s older than the goal's observation")
+            words = f"the point cloud is {behind:.1f} s older than the goal's observation"
+            raise RequestError(words, Refusal.OLD_CLOUD, behind, self._behind)
         if stamp_ns < still_since_ns:
-            raise RequestError("the point cloud was taken while the arm still moved")
+            raise RequestError("the point cloud was taken while the arm still moved", Refusal.OLD_CLOUD)
         return raw

@@ -3,22 +3,44 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from enum import Enum
 
 from panda_executor.grasp import GraspConfig
 from panda_executor.placement import PlacementConfig
 from panda_executor.scene import SceneConfig
+from panda_executor.table_plane import TableConfig
 from panda_executor.timing import TimingConfig
 from panda_model import ArmModel, HandModel, JointLimits
 
 
+class AfterFailure(Enum):
+    """The arm's behaviour once it stands still after a motion or the gripper failed.
+
+    STAY: nothing. KEEP: rise and go to the ready pose, with what it holds. OPEN: let go first.
+    """
+
+    STAY = "stay"
+    KEEP = "keep"
+    OPEN = "open"
+
+
+class SearchAlgorithm(Enum):
+    """The algorithms that a path may be searched with: the paper's, and a quicker one that takes the first way."""
+
+    RRT_STAR = "rrt_star"
+    RRT_CONNECT = "rrt_connect"
+
+
 @dataclass(frozen=True)
 class SearchConfig:
-    """Bounds of a search with RRT*.
+    """Bounds of a search; the path that it finds is shortened.
 
     time_limit: seconds at most; max_checks: validity checks at most; step: the longest [rad]; goal_bias: share of
     samples at the goal; margin: how far a joint may leave the range between start and goal [rad]; shortcuts: attempts
     to shorten the path that was found; seed: of the samples.
     """
+
+    algorithm: SearchAlgorithm = SearchAlgorithm.RRT_CONNECT
 
     time_limit: float = 1.0
     max_checks: int = 4000
@@ -52,14 +74,17 @@ class ExecutorConfig:
     approach_height: of the tcp above the higher of grasp and release [m]; clearance: added round the hand
     while it travels [m]; lean: angles at which the hand may lean outwards above an object close to the base
     [rad]; missed_width: fingers closer than this hold nothing [m]; grip_force, open_force [N];
-    start_tolerance [rad]; planning_time: a request that takes longer to plan is given up [s]; centre_grasp: whether
-    the middle of what is held goes to the place; else it ends as far from there as the pick was off.
+    start_tolerance: how far the arm may be measured from a motion's planned start [rad]; planning_time: a request
+    that takes longer to plan is given up [s]; centre_grasp: whether the middle of what is held goes to the place; else
+    it ends as far from there as the pick was off; moved_share: an object is looked for anew before the hand goes down
+    to it when this share of its cells is seen to be empty.
     """
 
     scene: SceneConfig = field(default_factory=SceneConfig)
     grasp: GraspConfig = field(default_factory=GraspConfig)
     placement: PlacementConfig = field(default_factory=PlacementConfig)
     timing: TimingConfig = field(default_factory=TimingConfig)
+    table: TableConfig = field(default_factory=TableConfig)
     search: SearchConfig = field(default_factory=SearchConfig)
     drag: DragConfig = field(default_factory=DragConfig)
     approach_height: float = 0.12
@@ -68,9 +93,11 @@ class ExecutorConfig:
     missed_width: float = 0.005
     grip_force: float = 20.0
     open_force: float = 20.0
-    start_tolerance: float = 0.03
+    start_tolerance: float = 0.08
     planning_time: float = 4.0
     centre_grasp: bool = True
+    after_failure: AfterFailure = AfterFailure.KEEP
+    moved_share: float = 0.5
 
     @classmethod
     def for_arm(cls, arm: ArmModel) -> ExecutorConfig:

@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 from builtin_interfaces.msg import Duration
 from control_msgs.action import FollowJointTrajectory, GripperCommand
+from control_msgs.msg import JointTolerance
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import PointCloud2
@@ -50,6 +51,22 @@ def trajectory_to_msg(trajectory: JointTrajectory, joint_names: tuple[str, ...])
     return JointTrajectoryMsg(joint_names=list(joint_names), points=points)
 
 
+def trajectory_goal_to_msg(
+    trajectory: JointTrajectory,
+    joint_names: tuple[str, ...],
+    path_tolerance: float,
+    goal_tolerance: float,
+    goal_time: float,
+) -> FollowJointTrajectory.Goal:
+    """Return a goal whose joints may be off their path and their end by so much [rad], the end so late [s]."""
+    return FollowJointTrajectory.Goal(
+        trajectory=trajectory_to_msg(trajectory, joint_names),
+        path_tolerance=[JointTolerance(name=name, position=path_tolerance) for name in joint_names],
+        goal_tolerance=[JointTolerance(name=name, position=goal_tolerance) for name in joint_names],
+        goal_time_tolerance=duration_to_msg(goal_time),
+    )
+
+
 def trajectory_from_msg(message: JointTrajectoryMsg, joint_names: tuple[str, ...]) -> JointTrajectory:
     """Invert `trajectory_to_msg`; joints may come in any order. Raises ValueError when one is missing."""
     order = [list(message.joint_names).index(name) for name in joint_names]
@@ -82,9 +99,9 @@ def gripper_goal_to_msg(width: float, max_effort: float) -> GripperCommand.Goal:
     return goal
 
 
-def feedback_to_msg(phase: Phase, progress: float) -> PickPlace.Feedback:
-    """Return feedback with a phase, its name and the progress 0..1."""
-    return PickPlace.Feedback(phase=int(phase), phase_name=phase.name, progress=float(progress))
+def feedback_to_msg(phase: Phase, progress: float, plan_id: str = "") -> PickPlace.Feedback:
+    """Return feedback with a phase, its name, the progress 0..1, and the plan's id once there is one."""
+    return PickPlace.Feedback(phase=int(phase), phase_name=phase.name, progress=float(progress), plan_id=plan_id)
 
 
 def cloud_from_raw(raw: bytes, base_frame: str) -> npt.NDArray[np.float32]:

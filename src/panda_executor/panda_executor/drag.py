@@ -12,13 +12,14 @@ import numpy.typing as npt
 from cliport_core.action import PickPlaceAction, Primitive
 from cliport_core.pose import PlanarPose, Pose
 from cliport_core.workspace import WorkspaceSpec
-from panda_executor.errors import ExecutorError, InverseKinematicsError, PlanningError
+from panda_executor.budget import Budget
+from panda_executor.errors import BudgetSpentError, ExecutorError, InverseKinematicsError, PlanningError
 from panda_executor.hand_geometry import HandShape
 from panda_executor.ik import hand_down_pose, tilted
 from panda_executor.motions import Motion
 from panda_executor.phase import Phase
 from panda_executor.ports import ShouldStop
-from panda_executor.transfer import TransferPlanner, relevant_points
+from panda_executor.transfer import TransferPlanner
 from panda_model.limits import FloatArray
 
 _MAX_BRANCHES = 4  # of the inverse kinematics that are tried for one pose
@@ -68,9 +69,9 @@ def plan_drag(
         PlanningError: when something tall stands in the way, or the arm cannot follow the line.
     """
     action = broadside(action)
-    drag = _Drag(planner, action, relevant_points(cloud, workspace), workspace, start)
+    budget = planner.budget(should_stop)
+    drag = _Drag(planner, action, cloud, workspace, start, budget)
     reason = "no approach to the start of the line is free"
-    deadline = planner.clock() + planner.config.planning_time
     for lean, flip in itertools.product(planner.config.lean, (0.0, math.pi)):
         try:
             branches = planner.ik.solve_all(drag.above_pick(flip, lean), start)
@@ -78,10 +79,11 @@ def plan_drag(
             reason = str(error)
             continue
         for branch in branches[:_MAX_BRANCHES]:
-            if planner.clock() > deadline or should_stop():
-                raise PlanningError(f"planning took too long; {reason}")
+            budget.check(reason)
             try:
                 return drag.plan(branch.positions, flip)
+            except BudgetSpentError:
+                raise
             except ExecutorError as error:
                 reason = str(error)
     raise PlanningError(f"{action.primitive.label} from the pick to the place: {reason}")
@@ -97,8 +99,10 @@ class _Drag:
         cloud: npt.NDArray[np.float32],
         workspace: WorkspaceSpec,
         start: FloatArray,
+        budget: Budget,
     ) -> None:
         config = planner.config
+        self._motions = planner.motions_within(budget)
         self._planner, self._action, self._start, self._config = planner, action, start, config
         fold = action.primitive is Primitive.FOLD
         self._opening = config.hand.fold_opening if fold else 0.0
@@ -134,7 +138,7 @@ class _Drag:
             end = lift.trajectory.end
         along = self._straight(Phase.CARRY, end, hand_down_pose(place.x, place.y, low, last), "follow the line")
         leave = self._rise(along.trajectory.end, last)
-        motions, ready = self._planner.motions, self._planner.ready
+        motions, ready = self._motions, self._planner.ready
         go_above = motions.travel(Phase.GO_ABOVE_PICK, self._start, above, self._travelling)
         retreat = motions.travel(Phase.RETREAT, leave.trajectory.end, ready, self._leaving)
         escape = motions.reversed(Phase.RETREAT, descend, self._working)
@@ -147,14 +151,14 @@ class _Drag:
         """Plan the rise from the line's end, leaning where the arm cannot fold enough to rise upright."""
         for lean in self._config.lean:
             above = self._above(self._action.place, yaw, lean)
-            motion = self._planner.motions.straight(Phase.RETREAT, start, above, self._working)
+            motion = self._motions.straight(Phase.RETREAT, start, above, self._working)
             if motion is not None:
                 return motion
         raise PlanningError("the hand cannot rise at the end")
 
     def _straight(self, phase: Phase, start: FloatArray, end: Pose, what: str) -> Motion:
         speed = self._config.drag.speed if phase is Phase.CARRY else None
-        motion = self._planner.motions.straight(phase, start, end, self._working, speed)
+        motion = self._motions.straight(phase, start, end, self._working, speed)
         if motion is None:
             raise PlanningError(f"the hand cannot {what}")
         return motion

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from cliport_core.outcome import Refusal
+
 
 class ExecutorError(Exception):
     """Root of everything that this package raises on purpose."""
@@ -12,7 +14,21 @@ class RobotDescriptionError(ExecutorError):
 
 
 class RequestError(ExecutorError):
-    """A request that must be refused before anything is planned: not finite, or outside the workspace."""
+    """A request that must be refused before anything moves.
+
+    refusal: why; value, limit: what was found and what would have been allowed, in SI units, None where there is no
+    such number.
+    """
+
+    def __init__(
+        self,
+        message: str,
+        refusal: Refusal = Refusal.MALFORMED,
+        value: float | None = None,
+        limit: float | None = None,
+    ) -> None:
+        super().__init__(message)
+        self.refusal, self.value, self.limit = refusal, value, limit
 
 
 class InverseKinematicsError(ExecutorError):
@@ -32,6 +48,10 @@ class GraspError(ExecutorError):
 
 class PlanningError(ExecutorError):
     """No path that keeps the limits and touches nothing."""
+
+
+class BudgetSpentError(PlanningError):
+    """Planning was stopped, or took longer than it may; nothing else is to be tried."""
 
 
 class TrajectoryError(ExecutorError):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any, TypeVar
 
 import numpy as np
@@ -12,14 +13,16 @@ from rclpy.action.server import ServerGoalHandle
 
 from cliport_core.errors import GoalError
 from cliport_core.messages import goal_from_msg, result_to_msg
-from cliport_core.outcome import ActionResult, Outcome
+from cliport_core.outcome import ActionResult, Outcome, Refusal
 from cliport_interfaces.action import PickPlace
 from panda_executor import conversions
+from panda_executor.approvals import Approvals
 from panda_executor.camera_place import CameraPlace
 from panda_executor.cloud_cache import CloudCache
 from panda_executor.errors import RequestError
 from panda_executor.gate import Gate
 from panda_executor.node_parameters import NodeParameters
+from panda_executor.owner_watch import OwnerWatch
 from panda_executor.phase import Phase
 from panda_executor.runner import PickPlaceRunner
 
@@ -37,7 +40,11 @@ class GoalSession:
         parameters: NodeParameters,
         gate: Gate,
         now_ns: Callable[[], int],
+        owners: OwnerWatch | None = None,
+        approvals: Approvals | None = None,
     ) -> None:
+        self._owners = owners or OwnerWatch(time.monotonic)
+        self._approvals = approvals or Approvals(parameters.approval_time)
         self._runner, self._clouds, self._camera, self._parameters = runner, clouds, camera, parameters
         self._gate, self._now_ns = gate, now_ns
         self._still_since_ns = 0
@@ -45,17 +52,28 @@ class GoalSession:
     def run(self, handle: ServerGoalHandle, logger: Any) -> PickPlace.Result:
         """Run an accepted goal; return its result message once the handle is in its final state."""
         began = time.monotonic()
+        owner = str(handle.request.owner)
+        self._owners.begin(owner)
 
         def should_stop() -> bool:
-            return self._gate.stopped or bool(handle.is_cancel_requested)
+            return self._gate.stopped or bool(handle.is_cancel_requested) or self._owners.is_silent(owner)
 
         try:
             result = self._result(handle, should_stop)
         except RequestError as error:
-            result = ActionResult(Outcome.REJECTED, str(error))
+            result = ActionResult(
+                Outcome.REJECTED,
+                str(error),
+                refusal=error.refusal,
+                refusal_value=error.value,
+                refusal_limit=error.limit,
+            )
         except Exception as error:  # the goal must end whatever happens, with a line that names the fault
             logger.error(f"unexpected {type(error).__name__}: {error}")
             result = ActionResult(Outcome.EXECUTION_FAILED, f"internal error: {type(error).__name__}: {error}")
+        if result.outcome is Outcome.CANCELLED and self._owners.is_silent(owner):
+            words = f"the goal's owner gave no sign of life for {self._owners.longest:g} s: {result.message}"
+            result = replace(result, message=words, refusal=Refusal.OWNER_SILENT, refusal_limit=self._owners.longest)
         took = time.monotonic() - began
         logger.info(f"{result.outcome.name} after {took:.1f} s: {result.message}")
         if result.outcome.is_success:
@@ -70,22 +88,40 @@ class GoalSession:
         message: PickPlace.Goal = handle.request
         frame = self._parameters.robot.base_frame
 
+        plan_id = ""
+
         def on_phase(phase: Phase, progress: float) -> None:
-            handle.publish_feedback(conversions.feedback_to_msg(phase, progress))
+            handle.publish_feedback(conversions.feedback_to_msg(phase, progress, plan_id))
+
+        def await_approval() -> None:
+            nonlocal plan_id
+            plan_id = self._approvals.offer()
+            if self._parameters.require_approval:
+                on_phase(Phase.APPROVAL, Phase.APPROVAL.progress())
+                self._approvals.wait(plan_id, should_stop)
 
         try:
             goal = goal_from_msg(message, frame)
         except GoalError as error:
             raise RequestError(str(error)) from None
 
+        planned_on: list[bytes] = []
+
+        def look() -> npt.NDArray[np.float32] | None:
+            newest = self._clouds.newest(self._now_ns())
+            return None if newest is None or newest in planned_on else conversions.cloud_from_raw(newest, frame)
+
         def cloud() -> npt.NDArray[np.float32]:
             raw = self._fresh_cloud(goal.stamp_ns, should_stop)
+            planned_on.append(raw)
             # A cloud has come, so perception knows where the camera is: what says it is on its way to here, too.
             self._runner.planner.place_camera(self._patiently(self._camera.position, should_stop))
             return conversions.cloud_from_raw(raw, frame)
 
         try:
-            return self._runner.run(goal, cloud, self._parameters.workspace, on_phase, should_stop)
+            return self._runner.run(
+                goal, cloud, self._parameters.workspace, on_phase, should_stop, await_approval, look
+            )
         finally:
             self._still_since_ns = self._now_ns()
 

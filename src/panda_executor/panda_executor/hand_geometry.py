@@ -69,6 +69,12 @@ class HeldObject:
             layers.append(np.column_stack([coarse, np.full(len(coarse), z)]))
         return np.concatenate(layers)
 
+    def outline(self, hand: HandModel) -> FloatArray:
+        """Return points (M, 3) [m], 16 mm apart or so, at its underside and at its top or the palm."""
+        coarse = _thinned(self.cells, _SIDE_SPACING)
+        levels = (self.below, -min(self.above, hand.palm_above_tcp))
+        return np.concatenate([np.column_stack([coarse, np.full(len(coarse), z)]) for z in levels])
+
 
 def _thinned(points: FloatArray, spacing: float) -> FloatArray:
     """Return one of the points (N, 2) in each square of edge `spacing` [m]."""
@@ -85,6 +91,7 @@ class HandShape:
     held: HeldObject | None = None
     margin: float = 0.0
     points: FloatArray = field(init=False, repr=False, compare=False)
+    load: FloatArray = field(init=False, repr=False, compare=False)  # (M, 3) of what is held alone, coarser
 
     def __post_init__(self) -> None:
         parts = [box.grown(self.margin).surface() for box in self.boxes()]
@@ -93,6 +100,7 @@ class HandShape:
         points = np.unique(np.round(np.concatenate(parts), 5), axis=0)
         points.flags.writeable = False
         object.__setattr__(self, "points", points)
+        object.__setattr__(self, "load", np.empty((0, 3)) if self.held is None else self.held.outline(self.hand))
 
     def boxes(self) -> list[Box]:
         """Return palm, flange, finger mounts and fingers."""

@@ -7,10 +7,13 @@ import numpy as np
 import pinocchio as pin
 
 from cliport_core.pose import Pose
+from panda_executor.arm_cover import ArmCover
 from panda_executor.errors import RobotDescriptionError
 from panda_model import ARM_DOF, ArmModel, FloatArray, load_preset
 from panda_model.description import RobotDescription, load_description
 
+_STANDING = ("link0", "link1", "link2")  # near the base, whatever the arm does
+_REACHING = ("link3", "link4", "link5", "link6", "link7")  # over the table; the hand has boxes of its own
 _FIXED = "fixed:"  # marks the boxes that stand in the base frame among the geometry objects
 
 
@@ -22,7 +25,7 @@ class PandaModel:
 
     Args:
         arm: names, limits and hand; by default the Panda. The URDF's own limits are not used.
-        self_clearance: links closer than this count as colliding [m].
+        self_clearance: links closer than this count as colliding [m]; 0.03 m is by what Franka pads its own capsules.
         description: URDF and SRDF; by default those that the arm's preset names.
 
     Raises:
@@ -33,7 +36,7 @@ class PandaModel:
     def __init__(
         self,
         arm: ArmModel | None = None,
-        self_clearance: float = 0.01,
+        self_clearance: float = 0.03,
         description: RobotDescription | None = None,
     ) -> None:
         self.arm = arm or load_preset()
@@ -48,11 +51,14 @@ class PandaModel:
         if self.model.nq != ARM_DOF:
             raise RobotDescriptionError(f"the robot description has {self.model.nq} arm joints, expected {ARM_DOF}")
         self._use_hulls()
+        self.reaching = ArmCover.of_links(self.model, self.geometry, self._links(_REACHING))
+        self.standing = ArmCover.of_links(self.model, self.geometry, self._links(_STANDING))
         self.geometry.addAllCollisionPairs()
         pin.removeCollisionPairsFromXML(self.model, self.geometry, description.srdf)
         self.data = self.model.createData()
         self._tcp = self.model.getFrameId(self.named(self.arm.tcp_frame))
         self._self_clearance = self_clearance
+        self.fixed_boxes: dict[str, tuple[FloatArray, FloatArray]] = {}  # centre and half edges, with clearance [m]
         self._geometry_data = self._new_geometry_data()
 
     def named(self, name: str) -> str:
@@ -63,6 +69,15 @@ class PandaModel:
     def link(self, name: str) -> str:
         """Return the robot description's name of a link, such as "link3" or "hand"."""
         return self._names[0] + name
+
+    def _links(self, names: tuple[str, ...]) -> tuple[str, ...]:
+        return tuple(self.link(name) for name in names)
+
+    def own_spheres(self, positions: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return centres (N, 3) [m, base frame] and radii (N,) [m] of spheres that hold the links but not the hand."""
+        pin.forwardKinematics(self.model, self.data, positions)
+        covers = (self.standing, self.reaching)
+        return np.concatenate([c.placed(self.data) for c in covers]), np.concatenate([c.radii for c in covers])
 
     def _use_hulls(self) -> None:
         for item in self.geometry.geometryObjects:
@@ -125,6 +140,7 @@ class PandaModel:
             links: the description's links against whose geometries it is checked.
         """
         placement = pin.SE3(np.eye(3), np.asarray(centre, dtype=np.float64))
+        self.fixed_boxes[name] = np.asarray(centre, dtype=np.float64), np.asarray(size) / 2.0 + clearance
         x, y, z = (np.asarray(size, dtype=np.float64) + 2.0 * clearance).tolist()
         shape = coal.Box(x, y, z)
         if self.has_fixed_box(name):

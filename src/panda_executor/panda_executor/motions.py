@@ -10,6 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from cliport_core.pose import Pose
+from panda_executor.budget import Budget
 from panda_executor.config import ExecutorConfig
 from panda_executor.errors import PlanningError, TrajectoryError
 from panda_executor.hand_geometry import HandShape
@@ -39,15 +40,20 @@ class Motion:
 
 
 class MotionBuilder:
-    """Makes motions; every one that it returns has passed validate_trajectory."""
+    """Makes motions; every one that it returns has passed validate_trajectory.
 
-    def __init__(self, model: PandaModel, ik: HandDownIk, config: ExecutorConfig) -> None:
+    Args:
+        budget: of the planning that the motions belong to; every method raises BudgetSpentError once it is spent.
+    """
+
+    def __init__(self, model: PandaModel, ik: HandDownIk, config: ExecutorConfig, budget: Budget | None = None) -> None:
         self.model, self.ik, self.config = model, ik, config
+        self.budget = budget or Budget()
         self.limits: JointLimits = config.motion_limits(model.limits)
 
     def scene(self, grid: ObstacleGrid, hand: HandShape) -> Scene:
         """Return the surroundings with the given columns and hand."""
-        return Scene(self.model, grid, hand, self.config.scene.table_z)
+        return Scene(self.model, grid, hand, self.config.scene.table_z, self.config.scene)
 
     def travel(self, phase: Phase, start: FloatArray, goal: FloatArray, scene: Scene) -> Motion:
         """Plan a motion between configurations (7,) [rad], straight where that is free.
@@ -55,7 +61,7 @@ class MotionBuilder:
         Raises:
             PlanningError: when there is no way.
         """
-        waypoints = find_path(scene, start, goal, self.config.search)
+        waypoints = find_path(scene, start, goal, self.config.search, budget=self.budget)
         if len(waypoints) > 2:
             try:
                 return self._timed(phase, _rounded(waypoints), scene, self.config.timing.tcp_speed)
@@ -97,6 +103,7 @@ class MotionBuilder:
 
     def cartesian_waypoints(self, start: FloatArray, end_pose: Pose) -> FloatArray | None:
         """Return configurations (N, 7) along the line, all on the branch of `start`, or None."""
+        self.budget.check()
         first = self.model.tcp_pose(start)
         shift = np.asarray(end_pose.translation) - first.translation
         turn = pin.log3(first.rotation.T @ end_pose.rotation)

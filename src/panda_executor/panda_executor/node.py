@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 
-from control_msgs.action import FollowJointTrajectory, GripperCommand
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.action import CancelResponse, GoalResponse
 from rclpy.action.server import ServerGoalHandle
@@ -14,8 +13,7 @@ from rclpy.clock_type import ClockType
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
 from sensor_msgs.msg import CameraInfo, JointState, PointCloud2
-from std_msgs.msg import Empty
-from std_srvs.srv import Trigger
+from std_msgs.msg import Empty, String
 from tf2_msgs.msg import TFMessage
 
 from cliport_core import topics
@@ -24,18 +22,21 @@ from cliport_core.raw_header import header_of_raw
 from cliport_core.ros_action_server import ThreadedActionServer
 from cliport_interfaces.action import PickPlace
 from panda_executor import conversions
-from panda_executor.action_arm import ActionArm
-from panda_executor.action_call import ActionCaller
-from panda_executor.action_gripper import ActionGripper
+from panda_executor.action_run import Cloud
+from panda_executor.approvals import Approvals
 from panda_executor.camera_place import CameraPlace
 from panda_executor.cloud_cache import CloudCache
+from panda_executor.errors import RequestError
 from panda_executor.gate import Gate
 from panda_executor.goal_session import GoalSession
 from panda_executor.health import assess
 from panda_executor.heartbeat import Heartbeat
 from panda_executor.joint_tracker import JointTracker
 from panda_executor.model import PandaModel
+from panda_executor.node_controllers import Controllers
 from panda_executor.node_parameters import NodeParameters, read_parameters
+from panda_executor.node_services import PersonServices
+from panda_executor.owner_watch import OwnerWatch
 from panda_executor.runner import PickPlaceRunner
 from panda_executor.transfer import TransferPlanner
 from panda_model.description import load_description
@@ -54,29 +55,29 @@ class ExecutorNode(Node):
         super().__init__("panda_executor")
         parameters = read_parameters(self)
         robot = parameters.robot
-        self.gate = Gate()
-        self._joints = JointTracker(robot.arm_joints, robot.finger_joints, parameters.max_joint_age)
-        self._clouds = CloudCache(parameters.max_cloud_age, parameters.cloud_behind)
+        ages = parameters.max_joint_age, parameters.max_ahead
+        self._joints = JointTracker(robot.arm_joints, robot.finger_joints, *ages)
+        self.gate = Gate(lambda: self._joints.is_still(self._now_ns()))
+        self._clouds = CloudCache(parameters.max_cloud_age, parameters.cloud_behind, parameters.max_ahead)
         self._camera = CameraPlace(robot.base_frame)
         self._calls = ReentrantCallbackGroup()
-        self._arm_caller = ActionCaller(self, FollowJointTrajectory, robot.arm_action, self._calls)
-        self._gripper_caller = ActionCaller(self, GripperCommand, robot.gripper_action, self._calls)
-        self._gripper = ActionGripper(
-            self._gripper_caller, self._joints, self._now_ns, robot.gripper_reports_full_width
+        self._controllers = Controllers(self, parameters, self._joints, self.gate.note_motion, self._calls)
+        self._runner, self._base_frame = self._make_runner(parameters), robot.base_frame
+        self._owners, self._approvals = OwnerWatch(time.monotonic), Approvals(parameters.approval_time)
+        self._session = GoalSession(
+            self._runner, self._clouds, self._camera, parameters, self.gate, self._now_ns, self._owners, self._approvals
         )
-        runner = self._make_runner(parameters)
-        self._session = GoalSession(runner, self._clouds, self._camera, parameters, self.gate, self._now_ns)
         self._subscribe()
         self._offer()
 
     def _make_runner(self, parameters: NodeParameters) -> PickPlaceRunner:
         robot = parameters.robot
-        arm = ActionArm(self._arm_caller, self._joints, robot.arm_joints, self._now_ns)
         description = load_description(robot, parameters.robot_description)
         if description.notice:
             self.get_logger().warning(description.notice)
-        model = PandaModel(robot, description=description)
-        return PickPlaceRunner(model, TransferPlanner(model, parameters.config), arm, self._gripper)
+        model = PandaModel(robot, parameters.self_clearance, description)
+        planner = TransferPlanner(model, parameters.config)
+        return PickPlaceRunner(model, planner, self._controllers.arm, self._controllers.gripper)
 
     def _subscribe(self) -> None:
         data = MutuallyExclusiveCallbackGroup()
@@ -88,6 +89,7 @@ class ExecutorNode(Node):
         self.create_subscription(
             JointState, topics.JOINT_STATES, self._on_joints, qos_profile_sensor_data, callback_group=data
         )
+        self.create_subscription(String, topics.OWNER_HEARTBEAT, self._on_owner, 20, callback_group=data)
         latched = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self.create_subscription(TFMessage, topics.TF_STATIC, self._on_transforms, latched, callback_group=data)
         self.create_subscription(
@@ -98,13 +100,14 @@ class ExecutorNode(Node):
     def _offer(self) -> None:
         """Offer services, diagnostics, the heartbeat and, last, the action."""
         services = ReentrantCallbackGroup()
-        self.create_service(Trigger, topics.EXECUTOR_STOP, self._on_stop, callback_group=services)
-        self.create_service(Trigger, topics.EXECUTOR_RESUME, self._on_resume, callback_group=services)
+        PersonServices(
+            self, self.gate, self._runner, self._approvals, self._controllers.stop, self._newest_cloud, services
+        )
         self._diagnostics = self.create_publisher(DiagnosticArray, topics.DIAGNOSTICS, 10)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(1.0, self._report, callback_group=services, clock=steady)
         beats = self.create_publisher(Empty, topics.HEARTBEAT, 10)
-        self._heartbeat = Heartbeat(lambda: beats.publish(Empty()))
+        self._heartbeat = Heartbeat(lambda: beats.publish(Empty()), is_alive=self._controllers.pulse.is_alive)
         self._server = ThreadedActionServer(
             self, PickPlace, topics.PICK_PLACE, self._execute, callback_group=self._calls,
             goal_callback=self._on_goal, cancel_callback=lambda _: CancelResponse.ACCEPT,
@@ -115,6 +118,9 @@ class ExecutorNode(Node):
 
     def _on_joints(self, message: JointState) -> None:
         self._joints.update(message.name, message.position, stamp_from_msg(message.header.stamp))
+
+    def _on_owner(self, message: String) -> None:
+        self._owners.on_beat(str(message.data))
 
     def _on_transforms(self, message: TFMessage) -> None:
         for link in message.transforms:
@@ -130,10 +136,9 @@ class ExecutorNode(Node):
 
     def _on_goal(self, _: PickPlace.Goal) -> GoalResponse:
         refusal = self.gate.enter()
-        if refusal is None:
-            return GoalResponse.ACCEPT
-        self.get_logger().warning(f"goal rejected: {refusal}")
-        return GoalResponse.REJECT
+        if refusal is not None:
+            self.get_logger().warning(f"goal rejected: {refusal}")
+        return GoalResponse.ACCEPT if refusal is None else GoalResponse.REJECT
 
     def _execute(self, handle: ServerGoalHandle) -> PickPlace.Result:
         try:
@@ -141,22 +146,17 @@ class ExecutorNode(Node):
         finally:
             self.gate.leave()
 
-    def _on_stop(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        self.gate.latch("stopped on request")
-        self._gripper.stop()
-        response.success, response.message = True, f"stopped; goals are rejected until {topics.EXECUTOR_RESUME}"
-        return response
-
-    def _on_resume(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        self.gate.release()
-        response.success, response.message = True, "goals are accepted"
-        return response
+    def _newest_cloud(self) -> Cloud | None:
+        try:
+            return conversions.cloud_from_raw(self._clouds.get(self._now_ns(), 0, 0), self._base_frame)
+        except RequestError:
+            return None
 
     def _report(self) -> None:
         now_ns = self._now_ns()
         report = assess(
-            self._joints.age(now_ns), self._clouds.age(now_ns), self._arm_caller.is_ready(),
-            self._gripper_caller.is_ready(), self.gate.refusal(), self.gate.busy,
+            self._joints.age(now_ns), self._clouds.age(now_ns), self._controllers.arm_ready,
+            self._controllers.gripper_ready, self.gate.refusal(), self.gate.busy,
         )  # fmt: skip
         self._diagnostics.publish(conversions.diagnostics_to_msg(report, now_ns))
 

@@ -6,7 +6,8 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from cliport_core.workspace import WorkspaceSpec
-from panda_executor.config import ExecutorConfig
+from panda_executor.arm_watch import ArmWatch
+from panda_executor.config import ExecutorConfig, SearchAlgorithm, SearchConfig
 from panda_executor.errors import ExecutorError
 from panda_model import DEFAULT_PRESET, ArmModel, load_preset
 
@@ -17,6 +18,9 @@ if TYPE_CHECKING:
 @dataclass(frozen=True)
 class NodeParameters:
     """Values of the node's parameters; ages and waits in s.
+
+    require_approval: whether each plan waits for its approval, for at most approval_time; self_clearance: between links
+    of the arm [m].
 
     robot_description: the user's own URDF, as a path or as XML; empty: the preset's.
     """
@@ -29,6 +33,11 @@ class NodeParameters:
     max_joint_age: float
     cloud_behind: float
     cloud_wait: float
+    max_ahead: float
+    require_approval: bool
+    approval_time: float
+    self_clearance: float
+    watch: ArmWatch
 
 
 def read_parameters(node: Node) -> NodeParameters:
@@ -62,7 +71,35 @@ def read_parameters(node: Node) -> NodeParameters:
         max_joint_age=float(get("max_joint_age", 0.5)),
         cloud_behind=float(get("cloud_behind", 0.0)),
         cloud_wait=float(get("cloud_wait", 3.0)),
+        require_approval=bool(get("require_approval", False)),
+        approval_time=_positive(get, "approval_time", 30.0),
+        self_clearance=_positive(get, "self_clearance", 0.03),
+        max_ahead=float(get("max_ahead", 0.25)),
+        watch=_read_watch(get),
     )
+
+
+def _read_watch(get: Any) -> ArmWatch:
+    watch = ArmWatch()
+    names = ("path_tolerance", "goal_tolerance", "goal_time")
+    return replace(watch, **{name: _positive(get, name, getattr(watch, name)) for name in names})
+
+
+def _positive(get: Any, name: str, default: float) -> float:
+    value = float(get(name, default))
+    if not value > 0.0:
+        raise ExecutorError(f"{name} must be positive, got {value:g}")
+    return value
+
+
+def _read_search(get: Any, default: SearchConfig) -> SearchConfig:
+    name = str(get("search", default.algorithm.value))
+    try:
+        algorithm = SearchAlgorithm(name)
+    except ValueError:
+        known = ", ".join(algorithm.value for algorithm in SearchAlgorithm)
+        raise ExecutorError(f"unknown search '{name}'; known are {known}") from None
+    return replace(default, algorithm=algorithm, seed=int(get("seed", default.seed)))
 
 
 def _read_config(get: Any, robot: ArmModel) -> ExecutorConfig:
@@ -73,6 +110,8 @@ def _read_config(get: Any, robot: ArmModel) -> ExecutorConfig:
         if not 0.0 < value <= 1.0:
             raise ExecutorError(f"{name} must be in (0, 1], got {value:g}")
         timing[name] = value
+    for name in ("tcp_speed", "tcp_speed_near"):
+        timing[name] = _positive(get, name, getattr(config.timing, name))
     force = float(get("grip_force", config.grip_force))
     if not 0.0 < force <= robot.hand.allowed_force:
         raise ExecutorError(f"grip_force must be in (0, {robot.hand.allowed_force:g}] N, got {force:g}")
@@ -82,6 +121,7 @@ def _read_config(get: Any, robot: ArmModel) -> ExecutorConfig:
         config,
         timing=replace(config.timing, **timing),
         scene=scene,
+        table=replace(config.table, tolerance=_positive(get, "table_tolerance", config.table.tolerance)),
         grip_force=force,
-        search=replace(config.search, seed=int(get("seed", config.search.seed))),
+        search=_read_search(get, config.search),
     )

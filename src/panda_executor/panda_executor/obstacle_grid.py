@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
 
 from cliport_core.workspace import WorkspaceSpec
+from panda_executor.reach_map import POOLED_CELLS, ReachMap, pooled, with_shadows
 from panda_model.limits import FloatArray
 
 BORDER = 0.1  # the grid reaches this far beyond the workspace: the hand is wider than its tcp [m]
@@ -20,13 +21,25 @@ class ObstacleGrid:
     """Columns from the table up to the highest thing seen: heights (rows, cols) [m], -1 where free.
 
     Rows run along y, columns along x, as in WorkspaceSpec. What stands in a column is taken to reach down to
-    the table: a camera that looks at a slant does not see under things.
+    the table: a camera that looks at a slant does not see under things. seen: (rows, cols) cells in which anything was
+    seen, the table too; camera: where that was seen from (3,) [m, base frame], None where unknown.
     """
 
     heights: FloatArray
     x_min: float
     y_min: float
     cell: float
+    seen: npt.NDArray[np.bool_] | None = None
+    camera: FloatArray | None = None
+    highest: float = field(init=False)  # of the columns [m]
+    _reach: list[ReachMap] = field(default_factory=list, init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "highest", float(self.heights.max()))
+
+    def is_below(self, height: float) -> bool:
+        """Return True if no column, nor a shadow of one, reaches up to a height [m]."""
+        return self.highest <= height
 
     @classmethod
     def empty(cls, workspace: WorkspaceSpec, cell: float = 0.005) -> ObstacleGrid:
@@ -37,25 +50,32 @@ class ObstacleGrid:
 
     @classmethod
     def from_cloud(
-        cls, cloud: npt.NDArray[np.float32], workspace: WorkspaceSpec, floor: float, cell: float = 0.005
+        cls,
+        cloud: npt.NDArray[np.float32],
+        workspace: WorkspaceSpec,
+        floor: float,
+        cell: float = 0.005,
+        camera: FloatArray | None = None,
     ) -> ObstacleGrid:
-        """Make a grid of points (N, 3) [m, base frame]; those at or below `floor` [m] are the table.
+        """Make a grid of points (N, 3) [m, base frame] without the arm's own; those up to `floor` [m] are the table.
 
-        Points above the workspace's z_max are the arm itself, which waits above it, and are left out.
+        camera: where they were seen from (3,) [m, base frame], where that is known.
         """
         free = cls.empty(workspace, cell)
         rows, cols = free.heights.shape
         z = cloud[:, 2]
-        keep = (z > floor) & (z <= workspace.z_max)  # NaN compares false
-        points = cloud[keep]
+        points = cloud[np.isfinite(z)]
         row = np.floor((points[:, 1] - free.y_min) / cell).astype(np.int64)
         col = np.floor((points[:, 0] - free.x_min) / cell).astype(np.int64)
         inside = (row >= 0) & (row < rows) & (col >= 0) & (col < cols)
-        index = row[inside] * cols + col[inside]
+        index, z = row[inside] * cols + col[inside], points[inside, 2]
+        seen = np.bincount(index, minlength=rows * cols) > 0
+        index, z = index[z > floor], z[z > floor]
         heights = np.full(rows * cols, _EMPTY)
-        np.maximum.at(heights, index, points[inside, 2].astype(np.float64))
+        np.maximum.at(heights, index, z.astype(np.float64))
         heights[np.bincount(index, minlength=rows * cols) < _MIN_POINTS] = _EMPTY
-        return cls(heights.reshape(rows, cols), free.x_min, free.y_min, cell)
+        shape = rows, cols
+        return cls(heights.reshape(shape), free.x_min, free.y_min, cell, seen.reshape(shape), camera)
 
     def heights_at(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """Return the column heights under positions of any shape [m, base frame]; free outside the grid."""
@@ -78,4 +98,17 @@ class ObstacleGrid:
         row = np.floor((hit[:, 1] - self.y_min) / self.cell).astype(np.int64)
         col = np.floor((hit[:, 0] - self.x_min) / self.cell).astype(np.int64)
         heights[row, col] = _EMPTY
-        return ObstacleGrid(heights, self.x_min, self.y_min, self.cell)
+        return replace(self, heights=heights)
+
+    def reach(self, radii: FloatArray, floor: float, shadows: bool) -> ReachMap:
+        """Return how low spheres of `radii` (N,) [m] may come; made once a grid.
+
+        shadows: whether what the camera could not see behind a column counts as filled up to its line of sight.
+        """
+        if not self._reach:
+            heights, cell = pooled(self.heights), self.cell * POOLED_CELLS
+            if shadows and self.camera is not None and self.seen is not None:
+                seen = pooled(self.seen)
+                heights = with_shadows(heights, seen, self.x_min, self.y_min, cell, self.camera, floor)
+            self._reach.append(ReachMap.over(heights, self.x_min, self.y_min, cell, radii, floor))
+        return self._reach[0]

@@ -1,4 +1,4 @@
-"""Paths in joint space: the straight line where it is free, RRT* with simplification elsewhere."""
+"""Paths in joint space: the straight line where it is free, a search with simplification elsewhere."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ from collections.abc import Callable
 import numpy as np
 from ompl import base, geometric, util
 
-from panda_executor.config import SearchConfig
+from panda_executor.budget import Budget
+from panda_executor.config import SearchAlgorithm, SearchConfig
 from panda_executor.errors import PlanningError
 from panda_executor.scene import Scene
 from panda_model.limits import ARM_DOF, FloatArray
@@ -34,34 +35,45 @@ def find_path(
     goal: FloatArray,
     config: SearchConfig,
     clock: Callable[[], float] = time.monotonic,
+    budget: Budget | None = None,
 ) -> FloatArray:
     """Find waypoints (N, 7) [rad] from start to goal; the segments between them are valid at every 0.02 rad.
 
     Deterministic for a seed as long as max_checks ends the search before time_limit does.
 
+    Args:
+        budget: of the whole request's planning.
+
     Raises:
         PlanningError: when an end is not valid, or no path was found within the bounds.
     """
+    budget = budget or Budget(clock=clock)
+    budget.check()
     for name, positions in (("start", start), ("end", goal)):
         problem = scene.problem(positions)
         if problem is not None:
             raise PlanningError(f"the motion cannot {name} there: {problem}")
     if line_is_free(scene, start, goal):
         return np.stack([start, goal])
-    return _RrtStar(scene, config, clock, np.stack([start, goal])).solve(start, goal)
+    path = _Search(scene, config, clock, budget, np.stack([start, goal])).solve(start, goal)
+    budget.check()
+    return path
 
 
-class _RrtStar:
+class _Search:
     """One search; OMPL's objects live as long as it does.
 
     It looks around its ends (2, 7) only: ways round what stands on a table need no more, and in the whole range
     of seven joints most searches would end at their bounds with nothing found.
     """
 
-    def __init__(self, scene: Scene, config: SearchConfig, clock: Callable[[], float], ends: FloatArray) -> None:
+    def __init__(
+        self, scene: Scene, config: SearchConfig, clock: Callable[[], float], budget: Budget, ends: FloatArray
+    ) -> None:
         util.RNG.setSeed(config.seed)
-        self._scene, self._config, self._clock = scene, config, clock
+        self._scene, self._config, self._clock, self._budget = scene, config, clock, budget
         self._checks = 0
+        self._searching = True
         lower = np.maximum(scene.model.limits.lower, ends.min(axis=0) - config.margin)
         upper = np.minimum(scene.model.limits.upper, ends.max(axis=0) + config.margin)
         space = base.RealVectorStateSpace(ARM_DOF)
@@ -80,6 +92,10 @@ class _RrtStar:
 
     def _is_valid(self, state: base.State) -> bool:
         self._checks += 1
+        if self._searching and self._checks > self._config.max_checks:
+            return False
+        if self._budget.is_spent():  # also ends the shortening of a path that was found
+            return False
         return self._scene.is_valid(self._positions(state))
 
     @staticmethod
@@ -92,23 +108,34 @@ class _RrtStar:
             state[joint] = float(positions[joint])
         return state
 
+    def _planner(self) -> base.Planner:
+        if self._config.algorithm is SearchAlgorithm.RRT_CONNECT:
+            planner = geometric.RRTConnect(self._information)
+        else:
+            planner = geometric.RRTstar(self._information)
+            planner.setGoalBias(self._config.goal_bias)
+        planner.setRange(self._config.step)
+        return planner
+
     def solve(self, start: FloatArray, goal: FloatArray) -> FloatArray:
         problem = base.ProblemDefinition(self._information)
         problem.setStartAndGoalStates(self._state(start), self._state(goal), 1e-4)
-        planner = geometric.RRTstar(self._information)
-        planner.setRange(self._config.step)
-        planner.setGoalBias(self._config.goal_bias)
+        planner = self._planner()
         planner.setProblemDefinition(problem)
         planner.setup()
         deadline = self._clock() + self._config.time_limit
         enough = self._config.max_checks
 
         def done() -> bool:
+            if self._budget.is_spent():
+                return True
             if problem.hasExactSolution() and self._checks > enough // 4:
                 return True
             return self._checks > enough or self._clock() > deadline
 
         planner.solve(base.PlannerTerminationCondition(done))
+        self._searching = False
+        self._budget.check()
         if not problem.hasExactSolution():
             raise PlanningError(
                 f"no way round the obstacles was found in {self._checks} checks; "

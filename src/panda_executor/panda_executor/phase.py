@@ -19,3 +19,11 @@ class Phase(IntEnum):
     OPEN = 8
     RETREAT = 9
     DONE = 10
+    APPROVAL = 11
+    RECOVERING = 12
+
+    def progress(self, within: float = 0.0) -> float:
+        """Return the share of the whole action that is done, 0..1, where `within` of this phase is."""
+        if self is Phase.APPROVAL:
+            return float(Phase.GO_ABOVE_PICK / Phase.DONE)
+        return min((self + within) / Phase.DONE, 1.0)

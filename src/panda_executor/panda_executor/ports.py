@@ -18,6 +18,7 @@ class MotionStatus(Enum):
 
     SUCCEEDED = "succeeded"
     ABORTED = "aborted"
+    OFF_GOAL = "ended off its goal"
     REJECTED = "rejected"
     CANCELLED = "cancelled"
     TIMED_OUT = "timed out"
@@ -26,10 +27,14 @@ class MotionStatus(Enum):
 
 @dataclass(frozen=True)
 class MotionResult:
-    """The end of one motion; the message says why when it did not succeed."""
+    """The end of one motion; the message says why when it did not succeed.
+
+    standing: whether the arm was measured at rest afterwards; where not, nothing else may be moved.
+    """
 
     status: MotionStatus
     message: str = ""
+    standing: bool = True
 
 
 @dataclass(frozen=True)

@@ -8,11 +8,14 @@ import numpy as np
 
 from cliport_core.outcome import Outcome
 from panda_executor.config import ExecutorConfig
+from panda_executor.departure import depart_from
 from panda_executor.errors import TrajectoryError
+from panda_executor.hand_content import HandContent
 from panda_executor.motions import Motion
 from panda_executor.phase import Phase
 from panda_executor.ports import ArmPort, GripperPort, MotionStatus, ShouldStop
-from panda_executor.validation import validate_start, validate_trajectory
+from panda_executor.trajectory import JointTrajectory
+from panda_executor.validation import validate_trajectory
 from panda_model.limits import FloatArray, JointLimits
 
 OnPhase = Callable[[Phase, float], None]
@@ -23,11 +26,14 @@ _RELEASE_WIDENING = 0.006  # the fingers open at least this much to let go [m]
 
 
 class EarlyEnd(Exception):
-    """The end of a run before its last phase."""
+    """The end of a run before its last phase.
 
-    def __init__(self, outcome: Outcome, message: str) -> None:
+    may_recover: whether the arm stands still and can be moved back.
+    """
+
+    def __init__(self, outcome: Outcome, message: str, may_recover: bool = False) -> None:
         super().__init__(message)
-        self.outcome = outcome
+        self.outcome, self.may_recover = outcome, may_recover
 
 
 class LoadLost(Exception):
@@ -41,6 +47,8 @@ class RunCommands:
         limits: that each trajectory must keep.
         on_phase: called with each phase as it begins and the overall progress 0..1.
         should_stop: polled all the time.
+        hand: what is known of the hand's content; it outlives the run.
+        await_approval: returns once the plan may be executed; raises RequestError when it may not.
     """
 
     def __init__(
@@ -51,7 +59,12 @@ class RunCommands:
         limits: JointLimits,
         on_phase: OnPhase,
         should_stop: ShouldStop,
+        hand: HandContent | None = None,
+        await_approval: Callable[[], None] = lambda: None,
     ) -> None:
+        self._await_approval = await_approval
+        self._hand = hand or HandContent(config.missed_width)
+        self.moved = False
         self._arm, self._gripper, self._limits = arm, gripper, limits
         self.config = config
         self._on_phase = on_phase
@@ -69,6 +82,24 @@ class RunCommands:
         """Return True if the fingers hold nothing."""
         return self._gripper.width() < self.config.missed_width
 
+    def await_approval(self) -> None:
+        """Wait until the plan may be executed.
+
+        Raises:
+            RequestError: when nobody approved it in time.
+            EarlyEnd: when a stop was asked for.
+        """
+        self._await_approval()
+        self.check_stop()
+
+    def check_empty(self) -> None:
+        """Check that the hand does not still hold what it closed on in an earlier run.
+
+        Raises:
+            RequestError: says how wide that is.
+        """
+        self._hand.check_empty(self._gripper.width())
+
     def check_stop(self) -> None:
         """Check that nobody asked for a stop. Raises EarlyEnd."""
         if self.should_stop():
@@ -81,20 +112,21 @@ class RunCommands:
 
     def progress(self, phase: Phase, within: float) -> None:
         """Tell how far a run is: the phase, and the share of it that is done, 0..1."""
-        self._on_phase(phase, min((phase + within) / Phase.DONE, 1.0))
+        self._on_phase(phase, phase.progress(within))
 
-    def move(self, motion: Motion, watch_load: bool = False) -> None:
-        """Validate a motion against where the arm is now, send it, and wait for its end.
+    def move(self, motion: Motion, watch_load: bool = False, may_end_off: bool = False) -> None:
+        """Begin a motion where the arm is measured now, validate it, send it, and wait for its end.
 
         Args:
             watch_load: stop as soon as the fingers hold nothing.
+            may_end_off: objects may push the arm off the motion's goal, by the start tolerance at most.
 
         Raises:
             EarlyEnd: when a stop was asked for, the motion is not valid any more, or the arm did not do it.
             LoadLost: when watch_load and the fingers hold nothing.
         """
         self.enter(motion.phase)
-        self._validate(motion)
+        trajectory = self._validated(motion)
         self.check_stop()
         lost = False
 
@@ -103,23 +135,37 @@ class RunCommands:
             lost = lost or (watch_load and self.is_empty())
             return lost or self.should_stop()
 
-        result = self._arm.execute(motion.trajectory, stop)
+        self.moved = True
+        result = self._arm.execute(trajectory, stop)
         phase = motion.phase.name.lower()
+        if not result.standing:
+            outcome = Outcome.CANCELLED if self.should_stop() else Outcome.EXECUTION_FAILED
+            why = f": {result.message}" if result.message else ""
+            raise EarlyEnd(outcome, f"the arm was not seen to stand still after {phase}{why}; look before you go on")
         if self.should_stop():
             raise EarlyEnd(Outcome.CANCELLED, f"cancelled during {phase}; the arm holds")
         if lost or (watch_load and self.is_empty()):
             raise LoadLost(f"the object was lost during {phase}")
+        if result.status is MotionStatus.OFF_GOAL and may_end_off and self._is_near(motion.trajectory.end):
+            return
         if result.status is not MotionStatus.SUCCEEDED:
             why = result.message or "no reason given"
-            raise EarlyEnd(Outcome.EXECUTION_FAILED, f"the arm's motion {result.status.value} during {phase}: {why}")
+            words = f"the arm's motion {result.status.value} during {phase}: {why}"
+            raise EarlyEnd(Outcome.EXECUTION_FAILED, words, result.status is not MotionStatus.UNAVAILABLE)
 
-    def _validate(self, motion: Motion) -> None:
+    def _is_near(self, positions: FloatArray) -> bool:
+        return float(np.abs(self.positions() - positions).max()) <= self.config.start_tolerance
+
+    def _validated(self, motion: Motion) -> JointTrajectory:
+        """Return the motion's trajectory from where the arm is measured now, checked as a whole."""
         here = self.positions()
         try:
-            validate_start(motion.trajectory, here, self.config.start_tolerance)
-            validate_trajectory(motion.trajectory, self._limits, motion.scene)
+            trajectory = depart_from(motion.trajectory, here, self._limits, self.config.start_tolerance)
+            validate_trajectory(trajectory, self._limits, motion.scene.leaving(here))
         except TrajectoryError as error:
-            raise EarlyEnd(Outcome.EXECUTION_FAILED, f"{motion.phase.name.lower()} was not sent: {error}") from None
+            words = f"{motion.phase.name.lower()} was not sent: {error}"
+            raise EarlyEnd(Outcome.EXECUTION_FAILED, words, may_recover=True) from None
+        return trajectory
 
     def move_fingers(self, width: float, effort: float) -> None:
         """Move the fingers to a full width [m] with at most `effort` [N], unless they are there.
@@ -130,11 +176,16 @@ class RunCommands:
         self.check_stop()
         if width > 0.0 and -_OPEN_ENOUGH < self._gripper.width() - width < _CLOSE_ENOUGH:
             return
+        self._hand.forget()
         result = self._gripper.move(width, effort, self.should_stop)
+        if self.should_stop() and width == 0.0:
+            self._hand.note(width, self._gripper.width())
         self.check_stop()
         if result.status is not MotionStatus.SUCCEEDED:
             why = result.message or "no reason given"
-            raise EarlyEnd(Outcome.EXECUTION_FAILED, f"the gripper's motion {result.status.value}: {why}")
+            words = f"the gripper's motion {result.status.value}: {why}"
+            raise EarlyEnd(Outcome.EXECUTION_FAILED, words, may_recover=True)
+        self._hand.note(width, self._gripper.width())
 
     def let_go(self, opening: float) -> None:
         """Open to `opening` [m], or until the fingers meet what is beside the object once it is free.

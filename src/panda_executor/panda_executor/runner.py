@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from cliport_core.action import ActionGoal, PickPlaceAction
 from cliport_core.outcome import ActionResult
 from cliport_core.pose import PlanarPose
 from cliport_core.workspace import WorkspaceSpec
-from panda_executor.action_run import ActionRun, Cloud, CloudSource
+from panda_executor.action_run import ActionRun, Cloud, CloudSource, Look
 from panda_executor.config import ExecutorConfig
+from panda_executor.hand_content import HandContent
 from panda_executor.model import PandaModel
 from panda_executor.ports import ArmPort, GripperPort, ShouldStop
 from panda_executor.run_commands import OnPhase, RunCommands
@@ -37,6 +40,7 @@ class PickPlaceRunner:
         self.planner = planner or TransferPlanner(model, config)
         self.config = config or self.planner.config
         self._arm, self._gripper = arm, gripper
+        self._hand = HandContent(self.config.missed_width)
         self._limits = self.config.motion_limits(model.limits)
 
     def run(
@@ -46,6 +50,8 @@ class PickPlaceRunner:
         workspace: WorkspaceSpec,
         on_phase: OnPhase = lambda phase, progress: None,
         should_stop: ShouldStop = lambda: False,
+        await_approval: Callable[[], None] = lambda: None,
+        look: Look = lambda: None,
     ) -> ActionResult:
         """Run an action, or only plan it; never raises for what can go wrong on the way, the outcome says it.
 
@@ -54,16 +60,34 @@ class PickPlaceRunner:
                 once the request is known to be in order, and raises RequestError where there is none.
             on_phase: called with each phase as it begins and the overall progress 0..1.
             should_stop: polled all the time; once true, the arm holds, a held object stays held.
+            await_approval: called once the action is planned; returns when it may be executed, or raises RequestError.
+            look: returns a cloud that came since the planned one, or None; asked for before the hand goes down.
         """
         source = cloud if callable(cloud) else lambda: cloud
-        return ActionRun(self.planner, self._commands(on_phase, should_stop), goal, source, workspace).result()
+        commands = self._commands(on_phase, should_stop, await_approval)
+        return ActionRun(self.planner, commands, goal, source, workspace, look).result()
 
-    def go_ready(self, should_stop: ShouldStop = lambda: False) -> ActionResult:
-        """Move to the ready pose, out of the camera's view, avoiding itself, table and post only."""
-        empty = np.full((1, 3), np.nan, dtype=np.float32)
+    def go_ready(self, should_stop: ShouldStop = lambda: False, cloud: Cloud | None = None) -> ActionResult:
+        """Move to the ready pose, out of the camera's view, avoiding itself, table, post, and what `cloud` shows."""
+        return self._without_goal(should_stop, cloud).go_ready()
+
+    def recover(self, should_stop: ShouldStop = lambda: False, cloud: Cloud | None = None) -> ActionResult:
+        """Move up, then to the ready pose as `go_ready` does; what is held stays held."""
+        return self._without_goal(should_stop, cloud).recover()
+
+    def open(self, should_stop: ShouldStop = lambda: False) -> ActionResult:
+        """Open the fingers where they are."""
+        return self._without_goal(should_stop, None).open()
+
+    def _without_goal(self, should_stop: ShouldStop, cloud: Cloud | None) -> ActionRun:
+        seen = np.full((1, 3), np.nan, dtype=np.float32) if cloud is None else cloud
         nothing = ActionGoal(PickPlaceAction(PlanarPose.identity(), PlanarPose.identity()))
         commands = self._commands(lambda phase, progress: None, should_stop)
-        return ActionRun(self.planner, commands, nothing, lambda: empty, WorkspaceSpec()).go_ready()
+        return ActionRun(self.planner, commands, nothing, lambda: seen, WorkspaceSpec())
 
-    def _commands(self, on_phase: OnPhase, should_stop: ShouldStop) -> RunCommands:
-        return RunCommands(self._arm, self._gripper, self.config, self._limits, on_phase, should_stop)
+    def _commands(
+        self, on_phase: OnPhase, should_stop: ShouldStop, await_approval: Callable[[], None] = lambda: None
+    ) -> RunCommands:
+        return RunCommands(
+            self._arm, self._gripper, self.config, self._limits, on_phase, should_stop, self._hand, await_approval
+        )

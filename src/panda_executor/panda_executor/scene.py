@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from enum import Enum
 
 import numpy as np
 
@@ -12,7 +13,21 @@ from panda_executor.obstacle_grid import ObstacleGrid
 from panda_model.limits import FloatArray
 
 _OVER_TABLE = ("link3", "link4", "link5", "link6", "link7", "hand", "leftfinger", "rightfinger")
+_SUNK = 0.005  # depth in the table from which fingertips that were pressed or sagged there may be raised [m]
+_SUNK_SPARE = 0.0005  # below where they were measured, for the way's first part [m]
+_LOAD_HANGS_FROM = 5  # joint from which on the links are the hand's neighbours: the load is always below them
 _NEAR_CAMERA = ("link2", *_OVER_TABLE)
+
+
+class UnseenRule(Enum):
+    """The rule by which space that the camera did not see is free for the arm's links.
+
+    FREE: all of it. SHADOW: not what lies behind something, below the camera's line of sight over it. For the hand and
+    its load all of it is free: with one camera, the far side of every object is unseen.
+    """
+
+    FREE = "free"
+    SHADOW = "shadow"
 
 
 @dataclass(frozen=True)
@@ -29,6 +44,10 @@ class SceneConfig:
     fixed_clearance: float = 0.02
     grid_cell: float = 0.005
     floor: float = 0.012  # what rises less above the table is noise of the depth, not an obstacle
+    arm_clearance: float = 0.01  # between the arm's links and what was seen
+    load_clearance: float = 0.01  # between what is held and the arm, the camera and its post
+    own_margin: float = 0.03  # points this near to the arm are its own
+    unseen: UnseenRule = UnseenRule.SHADOW
 
 
 def add_table(model: PandaModel, config: SceneConfig) -> None:
@@ -67,14 +86,15 @@ def _links(model: PandaModel, names: tuple[str, ...]) -> tuple[str, ...]:
 class Scene:
     """Judges configurations: joint limits, self-collision, fixed surroundings, and the cloud's columns.
 
-    The columns are compared with the hand, its fingers and what they hold: those work among the objects. The
-    rest of the arm stays above the workspace's z_max in every pose that the hand reaches pointing down.
+    The columns are compared with the hand, its fingers and what they hold, and with the arm's links. What is held is
+    compared with the arm, the camera and its post, too.
     """
 
     model: PandaModel
     grid: ObstacleGrid
     hand: HandShape
     table_z: float = 0.0
+    config: SceneConfig = field(default_factory=SceneConfig)
 
     def with_hand(self, hand: HandShape) -> Scene:
         """Return the same surroundings for another opening or load."""
@@ -90,7 +110,9 @@ class Scene:
             return False
         # in_collision has just computed the kinematics of `positions`
         rotation, translation = self.model.tcp_arrays(positions)
-        return not self._hand_hits(rotation, translation)
+        if self._hand_hits(rotation, translation) or self._arm_hits() is not None:
+            return False
+        return self._load_hits(rotation, translation) is None
 
     def problem(self, positions: FloatArray) -> str | None:
         """Return why a configuration (7,) [rad] is not valid, in words, or None."""
@@ -103,14 +125,69 @@ class Scene:
         if self._hand_hits(rotation, translation):
             x, y, z = translation
             return f"the hand would touch what stands near ({x:.3f}, {y:.3f}, {z:.3f}) m"
-        return None
+        touched = self._arm_hits()
+        if touched is not None:
+            x, y, z = touched
+            return f"the arm would touch what stands near ({x:.3f}, {y:.3f}, {z:.3f}) m"
+        what = self._load_hits(rotation, translation)
+        return None if what is None else f"what is held would touch {what}"
 
     def hand_is_clear(self, rotation: FloatArray, translation: FloatArray) -> bool:
         """Return True if the hand with its tcp at (3, 3), (3,) [m, base] stays out of the columns and the table."""
         return not self._hand_hits(rotation, translation)
 
-    def _hand_hits(self, rotation: FloatArray, translation: FloatArray) -> bool:
+    def leaving(self, positions: FloatArray) -> Scene:
+        """Return the surroundings for a motion that begins at `positions` (7,) [rad], where the arm was measured.
+
+        What the hand touches there it must be able to leave: those columns do not count, nor does the table where the
+        fingertips are less than `_SUNK` below it.
+        """
+        rotation, translation = self.model.tcp_arrays(positions)
+        if not self._hand_hits(rotation, translation):
+            return self
         points = self.hand.points @ rotation.T + translation
-        if float(points[:, 2].min()) < self.table_z:
+        sunk = min(max(self.table_z - float(points[:, 2].min()), 0.0) + _SUNK_SPARE, _SUNK)
+        return replace(self, grid=self.grid.without(points), table_z=self.table_z - sunk)
+
+    def _arm_hits(self) -> FloatArray | None:
+        """Return where a link (3,) [m] is that touches a column, for the kinematics just computed, or None."""
+        cover = self.model.reaching
+        if self.grid.is_below(cover.lowest(self.model.data) - self.config.arm_clearance):
+            return None
+        radii = cover.radii + self.config.arm_clearance
+        floor = self.table_z + self.config.floor
+        reach = self.grid.reach(radii, floor, self.config.unseen is UnseenRule.SHADOW)
+        centres = cover.placed(self.model.data)
+        hit = reach.hits(centres, radii)
+        return centres[int(np.argmax(hit))] if hit.any() else None
+
+    def _load_hits(self, rotation: FloatArray, translation: FloatArray) -> str | None:
+        """Return what the held object touches of arm and camera, for the kinematics just computed, or None."""
+        if not len(self.hand.load):
+            return None
+        points = self.hand.load @ rotation.T + translation
+        clearance = self.config.load_clearance
+        for name, (centre, half) in self.model.fixed_boxes.items():
+            if name != "table" and bool((np.abs(points - centre) < half).all(axis=1).any()):
+                return f"the {name}"
+        middle = (points.min(axis=0) + points.max(axis=0)) / 2.0
+        extent = float(np.linalg.norm(points - middle, axis=1).max())
+        for cover in (self.model.standing, self.model.reaching):
+            centres, radii = cover.placed(self.model.data), cover.radii + clearance
+            near = np.linalg.norm(centres - middle, axis=1) < radii + extent
+            near &= cover.joints < _LOAD_HANGS_FROM
+            if near.any():
+                distance = np.linalg.norm(points[:, None] - centres[near], axis=2)
+                if bool((distance < radii[near]).any()):
+                    return "the arm"
+        return None
+
+    def _hand_hits(self, rotation: FloatArray, translation: FloatArray) -> bool:
+        heights = self.hand.points @ rotation[2] + translation[2]
+        lowest = float(heights.min())
+        if lowest < self.table_z:
             return True
-        return bool(self.grid.hits(points).any())
+        if self.grid.is_below(lowest):
+            return False
+        low = self.hand.points[heights < self.grid.highest]
+        return bool(self.grid.hits(low @ rotation.T + translation).any())

@@ -75,7 +75,7 @@ def time_path(
     if path.length < _STANDSTILL:
         raise TrajectoryError("the path does not move the arm")
     profile = _speed_profile(path, limits, model, tcp_speed)
-    return _within_limits(_sampled(path, profile, limits, model.arm.arm_joints, period), limits)
+    return within_limits(_sampled(path, profile, limits, model.arm.arm_joints, period), limits)
 
 
 def _speed_profile(path: _Path, limits: JointLimits, model: PandaModel, tcp_speed: float) -> Trajectory:
@@ -120,7 +120,7 @@ def _sampled(
     return JointTrajectory(joint_names, times * stretch, q, velocity, acceleration)
 
 
-def _within_limits(trajectory: JointTrajectory, limits: JointLimits) -> JointTrajectory:
+def within_limits(trajectory: JointTrajectory, limits: JointLimits) -> JointTrajectory:
     """Return the trajectory stretched until the polynomials between its points keep the limits, too.
 
     They exceed them most where a path bends sharply.

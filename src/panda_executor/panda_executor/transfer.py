@@ -10,9 +10,11 @@ import numpy as np
 import numpy.typing as npt
 
 from cliport_core.action import PickPlaceAction
+from cliport_core.pose import Pose
 from cliport_core.workspace import WorkspaceSpec
+from panda_executor.budget import Budget
 from panda_executor.config import ExecutorConfig
-from panda_executor.errors import ExecutorError, InverseKinematicsError, PlanningError
+from panda_executor.errors import BudgetSpentError, ExecutorError, InverseKinematicsError, PlanningError
 from panda_executor.grasp import Grasp, plan_grasps
 from panda_executor.hand_geometry import HandShape
 from panda_executor.ik import HandDownIk, hand_down_pose
@@ -62,18 +64,58 @@ class TransferPlanner:
         """Return the surroundings with the given columns and hand."""
         return self.motions.scene(grid, hand)
 
+    def surroundings(
+        self, cloud: npt.NDArray[np.float32], workspace: WorkspaceSpec, positions: FloatArray
+    ) -> npt.NDArray[np.float32]:
+        """Return the points (N, 3) over and around the workspace, whatever their height, without the arm's own.
+
+        The arm stands at `positions` (7,) [rad], in its own camera's view: with its links no other point is near. The
+        hand may be close to objects, so that only what is seen of it above the workspace is taken for it.
+        """
+        points = points_over(cloud, workspace)
+        config = self.config.scene
+        centres, radii = self.model.own_spheres(positions)
+        over = centres[:, 0] + radii + config.own_margin > float(points[:, 0].min(initial=np.inf))
+        centres, radii = centres[over], radii[over]
+        lowest = float((centres[:, 2] - radii).min(initial=np.inf)) - config.own_margin
+        raised = np.flatnonzero(points[:, 2] > max(lowest, config.table_z + config.floor))
+        own = _within(points[raised], centres, radii + config.own_margin)
+        high = np.flatnonzero(points[:, 2] > workspace.z_max)
+        rotation, translation = self.model.tcp_arrays(positions)
+        local = (points[high] - translation) @ rotation
+        keep = np.ones(len(points), dtype=bool)
+        keep[raised[own]] = False
+        for box in HandShape(self.config.hand).boxes():
+            grown = box.grown(config.own_margin)
+            inside = ((local > np.array(grown.lower)) & (local < np.array(grown.upper))).all(axis=1)
+            keep[high[inside]] = False
+        return points[keep]
+
     def grid(self, cloud: npt.NDArray[np.float32], workspace: WorkspaceSpec, positions: FloatArray) -> ObstacleGrid:
         """Return the columns of the cloud, without those that hold the hand itself at `positions` (7,) [rad].
 
         The arm stands where it stands: a column there is the hand in its own camera's view, or something that
         it already touches and must be able to leave.
         """
+        return self._columns(self.surroundings(cloud, workspace, positions), workspace, positions)
+
+    def _columns(
+        self, points: npt.NDArray[np.float32], workspace: WorkspaceSpec, positions: FloatArray
+    ) -> ObstacleGrid:
         scene = self.config.scene
         floor = scene.table_z + scene.floor
-        grid = ObstacleGrid.from_cloud(cloud, workspace, floor, scene.grid_cell)
+        grid = ObstacleGrid.from_cloud(points, workspace, floor, scene.grid_cell, self._camera)
         rotation, translation = self.model.tcp_arrays(positions)
         body = HandShape(self.config.hand, margin=0.015).points @ rotation.T + translation
         return grid.without(body)
+
+    def budget(self, should_stop: ShouldStop = lambda: False) -> Budget:
+        """Return what one request's planning may take, from now on."""
+        return Budget(self.config.planning_time, self.clock, should_stop)
+
+    def motions_within(self, budget: Budget) -> MotionBuilder:
+        """Return a builder whose motions are planned within a budget."""
+        return MotionBuilder(self.model, self.ik, self.config, budget)
 
     def homeward(self, start: FloatArray, grid: ObstacleGrid, hand: HandShape) -> Motion:
         """Plan the way to the ready pose from wherever the arm is, `start` (7,) [rad].
@@ -81,7 +123,14 @@ class TransferPlanner:
         Raises:
             PlanningError: when there is no way.
         """
-        return self.motions.travel(Phase.RETREAT, start, self.ready, self.scene(grid, hand))
+        return self.motions.travel(Phase.RETREAT, start, self.ready, self.scene(grid, hand).leaving(start))
+
+    def upward(self, start: FloatArray, grid: ObstacleGrid, hand: HandShape) -> Motion | None:
+        """Plan a straight way up from wherever the arm is, `start` (7,) [rad]; None where there is none."""
+        here = self.model.tcp_pose(start)
+        rise = np.array([0.0, 0.0, self.config.approach_height])
+        scene = self.scene(grid, hand).leaving(start)
+        return self.motions.straight(Phase.RECOVERING, start, Pose(here.rotation, here.translation + rise), scene)
 
     def plan(
         self,
@@ -101,26 +150,31 @@ class TransferPlanner:
             GraspError: when the cloud gives no grasp.
             PlanningError: when no grasp, branch and path was found that is valid throughout.
         """
-        deadline = self.clock() + self.config.planning_time
-        cloud = relevant_points(cloud, workspace)
-        grid = self.grid(cloud, workspace, start)
+        budget = self.budget(should_stop)
+        around = self.surroundings(cloud, workspace, start)
+        cloud = relevant_points(around, workspace)
+        grid = self._columns(around, workspace, start)
         on_phase(Phase.GRASP_PLANNING, 0.0)
         grasps = plan_grasps(cloud, action.pick, workspace, self.config.scene.table_z, self.config.grasp)
         on_phase(Phase.GRASP_PLANNING, 0.5)
-        attempts = TransferAttempts(self.motions, action, workspace, grid, start)
+        attempts = TransferAttempts(self.motions_within(budget), action, workspace, grid, start)
         reason = ""
         for grasp in grasps:
             rest = cloud[~grasp.covers(cloud, _OWN_MARGIN)]
-            rest_grid = self.grid(rest, workspace, start)
+            taken = grasp.covers(around, _OWN_MARGIN) & (around[:, 2] < grasp.top_z + _OWN_MARGIN)
+            rest_grid = self._columns(around[~taken], workspace, start)
             for flip in self._flips(grasp, start):
-                if self.clock() > deadline or should_stop():
-                    raise PlanningError(reason or "planning took too long")
+                budget.check(reason)
                 try:
                     plan = attempts.plan(grasp, flip, rest, rest_grid)
-                    on_phase(Phase.GRASP_PLANNING, 1.0)
-                    return plan
+                except BudgetSpentError:
+                    raise
                 except ExecutorError as error:
                     reason = reason or str(error)
+                    continue
+                budget.check()
+                on_phase(Phase.GRASP_PLANNING, 1.0)
+                return plan
         raise PlanningError(reason)
 
     def _flips(self, grasp: Grasp, start: FloatArray) -> list[float]:
@@ -136,10 +190,25 @@ class TransferPlanner:
         return sorted(costs, key=lambda flip: costs[flip])
 
 
-def relevant_points(cloud: npt.NDArray[np.float32], workspace: WorkspaceSpec) -> npt.NDArray[np.float32]:
-    """Return the points (N, 3) over and around the workspace; NaN are dropped."""
+def points_over(cloud: npt.NDArray[np.float32], workspace: WorkspaceSpec) -> npt.NDArray[np.float32]:
+    """Return the points (N, 3) over and around the workspace, whatever their height; NaN are dropped."""
     border = 0.12
     near = (cloud[:, 0] > workspace.x_min - border) & (cloud[:, 0] < workspace.x_max + border)
     near &= (cloud[:, 1] > workspace.y_min - border) & (cloud[:, 1] < workspace.y_max + border)
-    near &= (cloud[:, 2] > workspace.z_min - 0.02) & (cloud[:, 2] <= workspace.z_max)
+    near &= cloud[:, 2] > workspace.z_min - 0.02
     return cloud[near]
+
+
+def relevant_points(cloud: npt.NDArray[np.float32], workspace: WorkspaceSpec) -> npt.NDArray[np.float32]:
+    """Return the points (N, 3) of what may be grasped: over and around the workspace, up to its z_max."""
+    near = points_over(cloud, workspace)
+    return near[near[:, 2] <= workspace.z_max]
+
+
+def _within(points: npt.NDArray[np.float32], centres: FloatArray, radii: FloatArray) -> npt.NDArray[np.bool_]:
+    """Return a mask of the points (N, 3) that lie in one of the spheres."""
+    # |p - c|^2 - r^2 as one product of matrices; metres from the base, so that float64 leaves micrometres.
+    p = points.astype(np.float64)
+    offset = (centres**2).sum(axis=1) - radii**2
+    outside = (p**2).sum(axis=1)[:, None] - 2.0 * p @ centres.T + offset
+    return np.asarray((outside < 0.0).any(axis=1))

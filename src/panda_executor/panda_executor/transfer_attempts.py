@@ -11,7 +11,7 @@ import numpy.typing as npt
 from cliport_core.action import PickPlaceAction
 from cliport_core.pose import PlanarPose
 from cliport_core.workspace import WorkspaceSpec
-from panda_executor.errors import ExecutorError, InverseKinematicsError, PlanningError
+from panda_executor.errors import BudgetSpentError, ExecutorError, InverseKinematicsError, PlanningError
 from panda_executor.grasp import Grasp
 from panda_executor.hand_geometry import HandShape
 from panda_executor.ik import hand_down_pose, tilted
@@ -128,12 +128,16 @@ class TransferAttempts:
             try:
                 go_above = self._motions.travel(Phase.GO_ABOVE_PICK, self._start, pick.above, scenes.coming)
                 raise_up = self._motions.reversed(Phase.RAISE, pick.down, scenes.carried)
+            except BudgetSpentError:
+                raise
             except ExecutorError as error:
                 reason = str(error)
                 continue
             for place in self._approaches(Phase.LOWER, place_at, scenes.carried, pick.above):
                 try:
                     carry, leave, retreat = self._after_pick(pick, place, scenes)
+                except BudgetSpentError:
+                    raise
                 except ExecutorError as error:
                     reason = str(error)
                     continue
@@ -200,6 +204,7 @@ class TransferAttempts:
         """
         goal = hand_down_pose(target.x, target.y, target.z, target.yaw)
         for lean in self._config.lean:
+            self._motions.budget.check()
             above_pose = tilted(hand_down_pose(target.x, target.y, target.above_z, target.yaw), lean)
             try:
                 solutions = self._motions.ik.solve_all(above_pose, reference)

@@ -25,8 +25,10 @@ class FakeArm:
     positions: FloatArray = field(default_factory=lambda: load_preset().ready.copy())
     fail_at: int | None = None
     failure: MotionResult = _ABORTED
+    fail_share: float = 0.51
     on_step: Callable[[int, float], None] = lambda motion, share: None
     sent: list[JointTrajectory] = field(default_factory=list)
+    standing: bool = True  # whether it is measured at rest once it was stopped
 
     def joint_positions(self) -> FloatArray:
         """Return the positions (7,) [rad]."""
@@ -40,8 +42,8 @@ class FakeArm:
             share = i / (len(trajectory.positions) - 1)
             self.on_step(number, share)
             if should_stop():
-                return MotionResult(MotionStatus.CANCELLED, "stopped")
-            if number == self.fail_at and share > 0.5:
+                return MotionResult(MotionStatus.CANCELLED, "stopped", self.standing)
+            if number == self.fail_at and share >= self.fail_share:
                 return self.failure
             self.positions = np.array(positions)
         return MotionResult(MotionStatus.SUCCEEDED)

@@ -18,6 +18,7 @@ from ros_domain import next_domain
 
 from panda_executor import action_call
 from panda_executor.action_call import ActionCaller, ActionEnd
+from panda_executor.errors import PortError
 from panda_executor.ports import MotionStatus
 
 GUARD = 20.0  # s, after which a test gives up; nothing is measured by it
@@ -28,7 +29,7 @@ class Arm:
     """An action server that decides and moves when the test lets it."""
 
     def __init__(self, node: Node, group: ReentrantCallbackGroup) -> None:
-        self.may_answer, self.accepts = threading.Event(), True
+        self.may_answer, self.accepts, self.heeds_cancel = threading.Event(), True, True
         self.executing, self.cancelled, self.may_end = threading.Event(), threading.Event(), threading.Event()
         self.may_answer.set()
         self.goals = 0
@@ -42,6 +43,8 @@ class Arm:
         return GoalResponse.ACCEPT if self.accepts else GoalResponse.REJECT
 
     def _on_cancel(self, _: Any) -> CancelResponse:
+        if not self.heeds_cancel:
+            return CancelResponse.REJECT
         self.cancelled.set()
         self.may_end.set()
         return CancelResponse.ACCEPT
@@ -124,9 +127,11 @@ def test_a_motion_that_takes_too_long_is_cancelled(bench: Bench) -> None:
 
 def test_a_goal_that_is_accepted_too_late_is_cancelled(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(action_call, "_ANSWER_TIME", 0.1)
+    monkeypatch.setattr(action_call, "_CANCEL_TIME", 0.1)
     bench.arm.may_answer.clear()
     end = bench.call().result(GUARD)
-    assert (end.status, end.message) == (MotionStatus.UNAVAILABLE, f"no answer from {NAME}")
+    assert end.status is MotionStatus.UNAVAILABLE and not end.confirmed
+    assert end.message == f"no answer from {NAME}; the cancel was not confirmed"
     bench.arm.may_answer.set()
     assert bench.arm.cancelled.wait(GUARD), "the arm would move although its caller has given up"
 
@@ -135,3 +140,66 @@ def test_a_goal_that_is_not_taken_is_said(bench: Bench) -> None:
     bench.arm.accepts = False
     end = bench.call().result(GUARD)
     assert (end.status, end.message) == (MotionStatus.REJECTED, f"{NAME} did not take the goal")
+
+
+def test_a_watch_that_fails_sends_a_cancel(bench: Bench) -> None:
+    """Finger states that are too old raise out of the watch: the arm must not go on without an owner."""
+
+    def fail() -> bool:
+        if bench.arm.executing.is_set():
+            raise PortError("the position of joint 'panda_finger_joint1' is 0.6 s old")
+        return False
+
+    call = bench.call(fail)
+    assert bench.arm.cancelled.wait(GUARD), "the arm would move on"
+    with pytest.raises(PortError, match=r"0\.6 s old"):
+        call.result(GUARD)
+
+
+def test_a_stop_before_the_goal_is_taken_is_not_ignored(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(action_call, "_ANSWER_TIME", GUARD)
+    monkeypatch.setattr(action_call, "_CANCEL_TIME", 0.1)
+    bench.arm.may_answer.clear()
+    stop = threading.Event()
+    call = bench.call(stop.is_set)
+    stop.set()
+    end = call.result(GUARD / 2)
+    assert end.status is MotionStatus.CANCELLED and not end.confirmed
+    bench.arm.may_answer.set()
+    assert bench.arm.cancelled.wait(GUARD), "the goal would be executed although its caller has stopped"
+
+
+def test_a_cancel_that_is_not_confirmed_is_said(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(action_call, "_CANCEL_TIME", 0.1)
+    bench.arm.heeds_cancel = False
+    stop = threading.Event()
+    call = bench.call(stop.is_set)
+    assert bench.arm.executing.wait(GUARD)
+    stop.set()
+    end = call.result(GUARD)
+    assert (end.confirmed, end.message) == (False, "stopped on request; the cancel was not confirmed")
+    bench.arm.heeds_cancel = True
+
+
+def test_all_goals_are_cancelled_whoever_sent_them(bench: Bench) -> None:
+    call = bench.call()
+    assert bench.arm.executing.wait(GUARD)
+    bench.caller.cancel_all()
+    assert bench.arm.cancelled.wait(GUARD)
+    assert call.result(GUARD).status is MotionStatus.CANCELLED
+
+
+def test_what_is_owned_is_seen_to_be_watched(bench: Bench) -> None:
+    beats, stop = threading.Event(), threading.Event()
+    monkeypatched = bench.caller._pulse.beat
+
+    def beat() -> None:
+        monkeypatched()
+        if bench.arm.executing.is_set():
+            beats.set()
+
+    bench.caller._pulse.beat = beat  # type: ignore[method-assign]
+    call = bench.call(stop.is_set)
+    assert beats.wait(GUARD)
+    stop.set()
+    call.result(GUARD)

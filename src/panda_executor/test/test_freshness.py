@@ -13,7 +13,7 @@ from panda_executor.cloud_cache import CloudCache, stamp_of_raw
 from panda_executor.errors import PortError, RequestError
 from panda_executor.gate import Gate
 from panda_executor.health import ERROR, OK, WARN, assess
-from panda_executor.heartbeat import Heartbeat
+from panda_executor.heartbeat import Heartbeat, WorkPulse
 from panda_executor.joint_tracker import JointTracker
 
 S = 1_000_000_000
@@ -142,6 +142,93 @@ def test_a_stop_latches_and_a_close_is_for_good() -> None:
     gate.leave()
     assert gate.stopped
     assert gate.enter() == "the executor is shutting down"
+
+
+def test_a_stop_ends_a_request_for_good() -> None:
+    """Stop, then resume: the goal that was stopped must not go on, and the next one may."""
+    gate = Gate()
+    assert gate.enter() is None
+    gate.latch("stopped on request")
+    gate.release()
+    assert gate.stopped, "the goal would be revived"
+    gate.leave()
+    assert not gate.stopped
+    assert gate.enter() is None
+    assert not gate.stopped
+
+
+def test_the_gate_opens_at_a_standstill_only() -> None:
+    resting: list[bool] = [False]
+    gate = Gate(lambda: resting[0])
+    assert gate.enter() is None  # nothing was moved yet
+    gate.note_motion()
+    gate.leave()
+    assert "not seen to stand still" in str(gate.enter())
+    resting[0] = True
+    assert gate.enter() is None
+    resting[0] = False
+    gate.leave()
+    assert gate.enter() is None
+
+
+def test_a_standstill_is_measured(tracker: JointTracker) -> None:
+    joints = JointTracker(ARM, FINGERS)
+    assert not joints.is_still(0)
+    for step in range(10):
+        joints.update(ARM, np.full(7, 0.001 * step), step * S // 50)
+    now = 9 * S // 50
+    assert not joints.is_still(now)  # 0.05 rad/s
+    for step in range(10, 16):
+        joints.update(ARM, np.full(7, 0.009), step * S // 50)
+    assert joints.is_still(15 * S // 50)
+    assert not joints.is_still(60 * S // 50), "old"
+    assert not joints.is_still(-S), "from the future"
+
+
+def test_positions_from_the_future_are_refused(tracker: JointTracker) -> None:
+    with pytest.raises(PortError, match=r"1\.0 s ahead of the clock \(at most 0\.25 s\)"):
+        tracker.arm_positions(9 * S)
+    cache = CloudCache()
+    cache.put(raw(10.0))
+    with pytest.raises(RequestError, match=r"1\.0 s ahead of the clock"):
+        cache.get(9 * S, 0, 0)
+
+
+def test_values_that_are_stamped_anew_are_told_from_new_ones() -> None:
+    joints = JointTracker(ARM, FINGERS)
+    assert joints.unchanged(0) == math.inf
+    for step in range(50):
+        joints.update(ARM, np.full(7, min(step, 10) * 0.01), step * S // 50)
+    assert joints.unchanged(49 * S // 50) == pytest.approx(39 / 50)
+    assert joints.is_still(49 * S // 50)
+    joints.distrust()
+    assert not joints.is_still(49 * S // 50), "an arm whose states froze is not known to stand still"
+    joints.update(ARM, np.full(7, 0.1001), S)
+    assert joints.is_still(S)
+
+
+def test_a_clock_that_is_set_back_begins_anew() -> None:
+    joints = JointTracker(ARM, FINGERS)
+    for step in (*range(100, 110), *range(10)):
+        joints.update(ARM, np.zeros(7), step * S // 50)
+    assert joints.is_still(9 * S // 50)
+
+
+def test_a_thread_that_only_lives_gives_no_sign_of_life() -> None:
+    now = [0.0]
+    pulse = WorkPulse(lambda: now[0], longest=0.25)
+    now[0] = 9.0
+    assert pulse.is_alive()  # nothing runs
+    pulse.begin()
+    now[0] = 9.2
+    assert pulse.is_alive()
+    pulse.beat()
+    now[0] = 9.4
+    assert pulse.is_alive()
+    now[0] = 9.5
+    assert not pulse.is_alive()
+    pulse.end()
+    assert pulse.is_alive()
 
 
 def test_only_one_of_many_threads_enters() -> None:

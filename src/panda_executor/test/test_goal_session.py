@@ -15,6 +15,7 @@ from cliport_core.messages import goal_to_msg, result_from_msg
 from cliport_core.outcome import ActionResult, Outcome
 from cliport_core.pose import PlanarPose, Pose
 from cliport_core.workspace import WorkspaceSpec
+from panda_executor.arm_watch import ArmWatch
 from panda_executor.camera_place import CameraPlace
 from panda_executor.cloud_cache import CloudCache
 from panda_executor.config import ExecutorConfig
@@ -58,7 +59,8 @@ class Session:
         self.act: Callable[[Callable[[], bool]], Outcome] = lambda should_stop: Outcome.SUCCEEDED
         parameters = NodeParameters(
             load_preset("panda"), "", ExecutorConfig(), WorkspaceSpec(),
-            max_cloud_age=2.0, max_joint_age=0.5, cloud_behind=0.0, cloud_wait=0.0,
+            max_cloud_age=2.0, max_joint_age=0.5, cloud_behind=0.0, cloud_wait=0.0, max_ahead=0.25,
+            require_approval=False, approval_time=30.0, self_clearance=0.03, watch=ArmWatch(),
         )  # fmt: skip
         camera = CameraPlace("panda_link0")
         camera.put("panda_link0", "camera", Pose.identity())
@@ -66,9 +68,12 @@ class Session:
         self.planner, self.camera_position = self, np.full(3, np.nan)
         self._session = GoalSession(self, self.clouds, camera, parameters, self.gate, lambda: int(self.now * S))  # type: ignore[arg-type]
 
-    def run(self, request: Any, cloud: Any, workspace: Any, on_phase: Any, should_stop: Any) -> ActionResult:
+    def run(
+        self, request: Any, cloud: Any, workspace: Any, on_phase: Any, should_stop: Any, approve: Any, look: Any
+    ) -> ActionResult:
         """The runner."""
         cloud()
+        approve()
         return ActionResult(self.act(should_stop), "the runner's words")
 
     def place_camera(self, position: Any) -> None:

@@ -55,6 +55,7 @@ def start_executor(*parameters: str) -> subprocess.Popen[str]:
         ("robot_description:=/nowhere/arm.urdf", "cannot read the robot description /nowhere/arm.urdf"),
         ("velocity_scaling:=1.5", "velocity_scaling must be in (0, 1], got 1.5"),
         ("grip_force:=soft", "grip_force"),
+        ("search:=prm", "unknown search 'prm'; known are rrt_star, rrt_connect"),
         ("workspace:=/nowhere/workspace.yaml", "/nowhere/workspace.yaml"),
     ],
 )

@@ -13,7 +13,8 @@ from synthetic_clouds import Bowl, Cube, cloud_of, container_points, cube_points
 from cliport_core.action import PickPlaceAction, Primitive
 from cliport_core.pose import PlanarPose
 from cliport_core.workspace import WorkspaceSpec
-from panda_executor.config import SearchConfig
+from panda_executor.budget import Budget
+from panda_executor.config import SearchAlgorithm, SearchConfig
 from panda_executor.drag import plan_drag
 from panda_executor.errors import GraspError, PlanningError
 from panda_executor.hand_geometry import HandShape
@@ -106,11 +107,12 @@ def test_ends_that_touch_are_named(planner: TransferPlanner, walled: Scene) -> N
         find_path(walled, free, inside, SearchConfig())
 
 
-def test_the_search_ends_at_its_bounds(planner: TransferPlanner, walled: Scene) -> None:
+@pytest.mark.parametrize("algorithm", list(SearchAlgorithm))
+def test_the_search_ends_at_its_bounds(planner: TransferPlanner, walled: Scene, algorithm: SearchAlgorithm) -> None:
     start, goal = (above(planner, 0.5, y, 0.08) for y in (-0.2, 0.2))
     for config, clock in (
-        (SearchConfig(max_checks=20, time_limit=60.0), lambda: 0.0),
-        (SearchConfig(), iter(range(0, 100000, 5)).__next__),
+        (SearchConfig(algorithm, max_checks=20, time_limit=60.0), lambda: 0.0),
+        (SearchConfig(algorithm), iter(range(0, 100000, 5)).__next__),
     ):
         with pytest.raises(PlanningError, match=r"no way round .* in \d+ checks"):
             find_path(walled, start, goal, config, clock)
@@ -266,6 +268,50 @@ def test_planning_ends_when_its_time_is_up(model, workspace: WorkspaceSpec, tabl
     action = PickPlaceAction(PlanarPose(0.45, 0.1, 0.3), PlanarPose(0.5, -0.2, 0.3))
     with pytest.raises(PlanningError, match="planning took too long"):
         late.plan(action, table_cloud, workspace, READY_POSITIONS)
+
+
+class StopsAfter:
+    """A stop that is asked for at the n-th look."""
+
+    def __init__(self, looks: int) -> None:
+        self.left, self.after = looks, 0
+
+    def __call__(self) -> bool:
+        self.left -= 1
+        self.after += self.left < 0
+        return self.left < 0
+
+
+@pytest.mark.parametrize("looks", [1, 4, 8])
+def test_planning_looks_at_stop_all_the_time(
+    planner: TransferPlanner, workspace: WorkspaceSpec, table_cloud: np.ndarray, looks: int
+) -> None:
+    stop = StopsAfter(looks)
+    action = PickPlaceAction(PlanarPose(0.45, 0.1, 0.3), PlanarPose(0.5, -0.2, 0.3))
+    with pytest.raises(PlanningError, match="planning was stopped"):
+        planner.plan(action, table_cloud, workspace, READY_POSITIONS, should_stop=stop)
+    assert stop.after < 10, "it went on for long"
+
+
+@pytest.mark.parametrize("looks", [2, 30, 300])
+def test_a_search_looks_at_stop_all_the_time(planner: TransferPlanner, walled: Scene, looks: int) -> None:
+    start, goal = (above(planner, 0.5, y, 0.08) for y in (-0.2, 0.2))
+    stop = StopsAfter(looks)
+    with pytest.raises(PlanningError, match="planning was stopped"):
+        find_path(walled, start, goal, SearchConfig(time_limit=60.0), budget=Budget(should_stop=stop))
+    assert stop.after < 50, "it went on for long"
+
+
+def test_planning_is_bounded_across_branches(model, planner: TransferPlanner, workspace: WorkspaceSpec) -> None:
+    """The clock goes on a little at every look: the bound holds within a grasp's many branches and searches."""
+    looks = iter(range(10**9))
+    config = replace(planner.config, planning_time=0.2)
+    hurried = TransferPlanner(model, config, clock=lambda: next(looks) * 0.01)
+    towers = [cube_points(Cube(0.45, y, size=(0.3, 0.02, 0.15))) for y in (-0.03, 0.03)]
+    action = PickPlaceAction(PlanarPose(0.45, 0.2, 0.3), PlanarPose(0.45, -0.2, 0.3))
+    with pytest.raises(PlanningError, match=r"took too long \(at most 0.2 s\)"):
+        hurried.plan(action, seen_cloud(cube_points(Cube(0.45, 0.2, 0.3)), *towers), workspace, READY_POSITIONS)
+    assert next(looks) < 60
 
 
 @pytest.mark.parametrize("primitive", [Primitive.SWEEP, Primitive.FOLD])

@@ -19,6 +19,7 @@ from panda_executor.errors import PortError
 from panda_executor.phase import Phase
 from panda_executor.ports import GripperResult, MotionResult, MotionStatus, ShouldStop
 from panda_executor.runner import PickPlaceRunner
+from panda_executor.trajectory import JointTrajectory
 from panda_executor.transfer import TransferPlanner
 from panda_model import FloatArray, load_preset
 
@@ -29,7 +30,7 @@ GOAL = ActionGoal(PickPlaceAction(PICK, PLACE))
 MOTIONS = (
     Phase.GO_ABOVE_PICK, Phase.DESCEND, Phase.RAISE, Phase.CARRY, Phase.LOWER, Phase.RETREAT, Phase.RETREAT,
 )  # fmt: skip
-PICK_PLACE_PHASES = tuple(Phase)[:-1]
+PICK_PLACE_PHASES = tuple(Phase)[: Phase.DONE]
 
 
 @dataclass
@@ -75,7 +76,7 @@ def test_succeeded(bench: Bench) -> None:
     result = bench.run()
     assert result.outcome is Outcome.SUCCEEDED, result.message
     assert bench.commands == (7, 3)
-    assert bench.entered() == list(Phase)
+    assert bench.entered() == [*PICK_PLACE_PHASES, Phase.DONE]
     progress = [share for _, share in bench.phases]
     assert progress == sorted(progress)
     assert (progress[0], progress[-1]) == (0.0, 1.0)
@@ -213,6 +214,25 @@ def test_execution_failed_for_every_status(bench: Bench, status: MotionStatus) -
     assert result.message == f"the arm's motion {status.value} during go_above_pick: no reason given"
 
 
+@pytest.mark.parametrize("number", [1, 3, 5])
+def test_nothing_follows_a_motion_that_was_not_seen_to_end(bench: Bench, number: int) -> None:
+    """A drop whose cancel was not confirmed: the fingers stay, and no other trajectory is sent."""
+
+    def lose(motion: int, share: float) -> None:
+        if motion == number == 3 and share > 0.5:
+            bench.gripper.lose_object()
+
+    bench.arm.on_step = lose
+    bench.arm.fail_at = number
+    bench.arm.failure = MotionResult(MotionStatus.CANCELLED, "the cancel was not confirmed", standing=False)
+    bench.arm.standing = number != 3
+    result = bench.run()
+    assert result.outcome is Outcome.EXECUTION_FAILED
+    assert "not seen to stand still" in result.message and "holds" not in result.message
+    assert len(bench.arm.sent) == number + 1
+    assert len(bench.gripper.moves) == {1: 1, 3: 2, 5: 3}[number]
+
+
 def test_execution_failed_when_the_gripper_fails(bench: Bench) -> None:
     bench.gripper.failure = GripperResult(math.nan, False, False, MotionStatus.UNAVAILABLE, "no action server")
     result = bench.run()
@@ -242,13 +262,49 @@ def test_nothing_is_sent_from_elsewhere(bench: Bench, number: int) -> None:
 
     def push(motion: int, share: float) -> None:
         if motion == number and share == 1.0:
-            bench.arm.sent[-1].positions[-1] += 0.05
+            bench.arm.sent[-1].positions[-1] += 0.1
 
     bench.arm.on_step = push
     result = bench.run()
     assert result.outcome is Outcome.EXECUTION_FAILED
-    assert "was not sent: the arm is 0.050 rad away" in result.message
+    assert "was not sent: the arm is 0.100 rad away" in result.message
     assert len(bench.arm.sent) == number + 1
+
+
+@pytest.mark.parametrize("goal", [GOAL, FOLD])
+def test_motions_begin_where_the_arm_is_measured(bench: Bench, goal: ActionGoal) -> None:
+    """Every motion ends a little off: each next one begins there, and the last one still ends at the ready pose."""
+
+    def sag(motion: int, share: float) -> None:
+        if share == 0.0 and motion > 0:
+            np.testing.assert_allclose(bench.arm.sent[-1].positions[0], bench.arm.positions, atol=1e-9)
+        if share == 1.0 and bench.arm.sent[-1] is not ends[-1]:
+            ends.append(bench.arm.sent[-1])
+            planned.append(np.array(ends[-1].positions[-1]))
+            bench.arm.sent[-1].positions[-1] += [0.004, -0.003, 0.0, 0.002, 0.0, -0.004, 0.003]
+
+    ends: list[JointTrajectory | None] = [None]
+    planned: list[FloatArray] = []
+    bench.arm.on_step = sag
+    bench.gripper.object_width = 0.03
+    result = bench.run(goal)
+    assert result.outcome is Outcome.SUCCEEDED, result.message
+    np.testing.assert_allclose(planned[-1], READY_POSITIONS, atol=1e-6)
+
+
+@pytest.mark.parametrize(("off", "outcome"), [(0.05, Outcome.SUCCEEDED), (0.2, Outcome.EXECUTION_FAILED)])
+def test_a_fold_goes_on_where_objects_push_the_arm_off_a_little(bench: Bench, off: float, outcome: Outcome) -> None:
+    bench.gripper.object_width = 0.01
+    bench.arm.fail_at, bench.arm.failure = 1, MotionResult(MotionStatus.OFF_GOAL, "goal tolerance violated")
+    bench.arm.fail_share = 1.0
+
+    def push(motion: int, share: float) -> None:
+        if motion == 1 and share == 1.0:
+            bench.arm.positions = bench.arm.sent[-1].positions[-1] + np.array([off, 0, 0, 0, 0, 0, 0])
+
+    bench.arm.on_step = push
+    result = bench.run(FOLD)
+    assert result.outcome is outcome, result.message
 
 
 @pytest.mark.parametrize(("width", "outcome"), [(0.003, Outcome.GRASP_MISSED), (0.008, Outcome.SUCCEEDED)])

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import time
 from abc import ABC, abstractmethod
+from contextlib import suppress
 from typing import Any
 
 from rclpy.action import CancelResponse, GoalResponse
 from rclpy.action.server import ServerGoalHandle
 from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.exceptions import InvalidHandle
 from rclpy.node import Node
 
 from cliport_core.ros_action_server import ThreadedActionServer
@@ -97,16 +99,24 @@ class ControllerAction(ABC):
         key = bytes(handle.goal_id.uuid)
         self._executions[key] = execution
         try:
-            if handle.is_cancel_requested:  # it came while the goal was being started
-                self._loop.call(lambda: self._cancel_now(execution))
-            while not self._loop.wait(execution, FEEDBACK_PERIOD_S):
-                feedback = self._loop.call(self._feedback)
-                if feedback is not None:
-                    handle.publish_feedback(feedback)
-            self._end(handle, execution)
+            self._follow(handle, execution)
+        except (SimBridgeError, InvalidHandle) as error:  # the simulation ends in mid-motion, as by Ctrl-C
+            self._logger.warning(f"{self._name}: goal aborted: {error}")
+            with suppress(RuntimeError):  # rclpy's for a server that is gone already
+                handle.abort()
         finally:
             self._executions.pop(key, None)
         return self._result(execution)
+
+    def _follow(self, handle: ServerGoalHandle, execution: Execution) -> None:
+        """Publish feedback until the execution has ended, then end the goal as it did."""
+        if handle.is_cancel_requested:  # it came while the goal was being started
+            self._loop.call(lambda: self._cancel_now(execution))
+        while not self._loop.wait(execution, FEEDBACK_PERIOD_S):
+            feedback = self._loop.call(self._feedback)
+            if feedback is not None:
+                handle.publish_feedback(feedback)
+        self._end(handle, execution)
 
     def _end(self, handle: ServerGoalHandle, execution: Execution) -> None:
         if execution.status is GoalStatus.SUCCEEDED:

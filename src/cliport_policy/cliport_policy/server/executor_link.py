@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import uuid
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 from action_msgs.msg import GoalStatus
 from rclpy.action import ActionClient
 from rclpy.action.client import ClientGoalHandle
 from rclpy.node import Node
-from std_msgs.msg import Empty
+from std_msgs.msg import Empty, String
 from std_srvs.srv import Trigger
 
 from cliport_core import topics
@@ -29,6 +31,8 @@ class ExecutorLink:
         self._now = now
         self._server: PolicyServer | None = None
         self._handles: dict[int, ClientGoalHandle] = {}
+        self._owner = f"{node.get_name()}-{uuid.uuid4().hex[:8]}"
+        self._beats = node.create_publisher(String, topics.OWNER_HEARTBEAT, 10)
         self._action = ActionClient(node, PickPlace, topics.PICK_PLACE)
         self._stop = node.create_client(Trigger, topics.EXECUTOR_STOP)
         self._resume = node.create_client(Trigger, topics.EXECUTOR_RESUME)
@@ -38,13 +42,17 @@ class ExecutorLink:
         """Send answers to this server from now on."""
         self._server = server
 
+    def beat(self) -> None:
+        """Give a sign of life, without which the executor stops what this server asked for; call often (20 Hz)."""
+        self._beats.publish(String(data=self._owner))
+
     def is_ready(self) -> bool:
         """Return True if the action server is there."""
         return bool(self._action.server_is_ready())
 
     def send(self, token: int, goal: ActionGoal) -> None:
         """Start one goal."""
-        message = goal_to_msg(goal, self._base_frame)
+        message = goal_to_msg(replace(goal, owner=self._owner), self._base_frame)
         future = self._action.send_goal_async(message, feedback_callback=lambda m: self._on_feedback(token, m))
         future.add_done_callback(lambda done: self._on_response(token, done.result()))
 
@@ -54,19 +62,20 @@ class ExecutorLink:
         if handle is not None:
             handle.cancel_goal_async()
 
-    def stop(self) -> None:
-        """Call the executor's own, latching stop."""
-        self._call(self._stop)
+    def stop(self) -> bool:
+        """Call the executor's own, latching stop; return whether that service is there."""
+        return self._call(self._stop)
 
     def resume(self) -> None:
         """End the executor's stop."""
         self._call(self._resume)
 
-    def _call(self, client: Any) -> None:
+    def _call(self, client: Any) -> bool:
         if client.service_is_ready():
             client.call_async(Trigger.Request())
-        else:
-            self._node.get_logger().warning(f"service {client.srv_name} is not there: is the executor running?")
+            return True
+        self._node.get_logger().warning(f"service {client.srv_name} is not there: is the executor running?")
+        return False
 
     def _on_heartbeat(self, _: Empty) -> None:
         if self._server:

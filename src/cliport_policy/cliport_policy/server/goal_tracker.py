@@ -59,6 +59,8 @@ class GoalTracker:
     def on_response(self, token: int, accepted: bool, now: Moment) -> bool:
         """Note that the executor took the goal or not; return True if this ended a goal."""
         if token != self._token or self.phase not in (GoalPhase.SENT, GoalPhase.CANCELLING):
+            if accepted and not (token == self._token and self.phase == GoalPhase.ACCEPTED):
+                self._executor.cancel(token)  # it was given up meanwhile, and must not run without anyone's care
             return False
         if not accepted:
             self.phase = GoalPhase.NONE

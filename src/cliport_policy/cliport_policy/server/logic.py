@@ -28,6 +28,7 @@ from cliport_policy.server.types import (
 )
 
 _STOPPED = f"stopped: call {topics.RESUME} to go on"
+_NOT_TOLD = f"the arm was not told: {topics.EXECUTOR_STOP} is not there; use its own stop if it moves"
 _CLOCK_RESET_NS = 10_000_000_000  # ROS time this far before what was waited for has been set back
 
 
@@ -115,10 +116,11 @@ class PolicyServer:
     def stop(self, now: Moment) -> Answer:
         """Stop until `resume`: nothing moves before it."""
         self._stopped = True
-        self._executor.stop()
+        told = self._executor.stop()
         self._abandon(now)
-        self._enter(PolicyState.IDLE, _STOPPED)
-        return Answer(True, _STOPPED)
+        words = _STOPPED if told else f"{_STOPPED}; but {_NOT_TOLD}"
+        self._enter(PolicyState.IDLE, words)
+        return Answer(told, words)
 
     def resume(self) -> Answer:
         """End a stop; the next instruction is acted on again."""

@@ -99,8 +99,8 @@ class ExecutorPort(Protocol):
     def cancel(self, token: int) -> None:
         """Ask for a goal's end."""
 
-    def stop(self) -> None:
-        """Ask for a stop that holds until `resume`."""
+    def stop(self) -> bool:
+        """Ask for a stop that holds until `resume`; return whether the executor is there to be asked."""
 
     def resume(self) -> None:
         """End a stop."""

@@ -1,0 +1,66 @@
+"""Approval of plans by their ids."""
+
+from __future__ import annotations
+
+import threading
+import time
+import uuid
+from collections.abc import Callable
+
+from cliport_core import topics
+from cliport_core.outcome import Refusal
+from panda_executor.errors import RequestError
+from panda_executor.ports import ShouldStop
+
+
+class Approvals:
+    """Holds one plan at a time until a person approves it; an approval is of that plan and of no other.
+
+    Args:
+        seconds: a plan waits for at most; clock: steady time [s].
+    """
+
+    def __init__(self, seconds: float, clock: Callable[[], float] = time.monotonic) -> None:
+        self._seconds, self._clock = seconds, clock
+        self._changed = threading.Condition()
+        self._waiting = ""
+        self._approved = ""
+
+    def offer(self) -> str:
+        """Return the id of a plan that may be approved from now on, in place of any other."""
+        with self._changed:
+            self._waiting, self._approved = uuid.uuid4().hex[:8], ""
+            return self._waiting
+
+    def approve(self, plan_id: str) -> tuple[bool, str]:
+        """Take an approval of the plan of that id; return whether that one waits, and a sentence."""
+        with self._changed:
+            if not self._waiting:
+                return False, "no plan waits for approval"
+            if plan_id != self._waiting:
+                return False, f"the plan that waits is {self._waiting}, not {plan_id or 'one without an id'}"
+            self._approved = plan_id
+            self._changed.notify_all()
+            return True, f"plan {plan_id} is approved"
+
+    def wait(self, plan_id: str, should_stop: ShouldStop) -> None:
+        """Wait until the plan is approved, or a stop is asked for.
+
+        Raises:
+            RequestError: when nobody approved it in time.
+        """
+        deadline = self._clock() + self._seconds
+        with self._changed:
+            try:
+                while self._approved != plan_id and not should_stop():
+                    if self._clock() > deadline:
+                        raise RequestError(
+                            f"plan {plan_id} was not approved within {self._seconds:g} s (service "
+                            f"{topics.EXECUTOR_APPROVE}); nothing moved",
+                            Refusal.NOT_APPROVED,
+                            self._seconds,
+                            self._seconds,
+                        )
+                    self._changed.wait(0.02)
+            finally:
+                self._waiting = ""

@@ -1,0 +1,49 @@
+"""The hand's content, as far as its width tells."""
+
+from __future__ import annotations
+
+from cliport_core import topics
+from cliport_core.outcome import Refusal
+from panda_executor.errors import RequestError
+
+_SAME_WIDTH = 0.003  # fingers that have not moved by more still hold what they held [m]
+
+
+class HandContent:
+    """Remembers at which width the fingers closed on something, across runs and whatever ended them.
+
+    Args:
+        missed_width: fingers closer than this hold nothing [m].
+    """
+
+    def __init__(self, missed_width: float) -> None:
+        self._missed_width = missed_width
+        self._held_at: float | None = None
+
+    def note(self, commanded: float, width: float) -> None:
+        """Note that the fingers, told to go to `commanded` [m], are `width` [m] apart."""
+        stopped_on_something = commanded < self._missed_width <= width
+        self._held_at = width if stopped_on_something else None
+
+    def forget(self) -> None:
+        """Note that the fingers are told to move: what they hold is not known until they have."""
+        self._held_at = None
+
+    def holds(self, width: float) -> bool:
+        """Return True if the fingers, now `width` [m] apart, hold something."""
+        return self._held_at is not None and abs(width - self._held_at) < _SAME_WIDTH
+
+    def check_empty(self, width: float) -> None:
+        """Check that the fingers, now `width` [m] apart, hold nothing.
+
+        Raises:
+            RequestError: when they do; says how to let go.
+        """
+        if self.holds(width):
+            raise RequestError(
+                f"the hand still holds something {1000.0 * width:.0f} mm wide; call {topics.EXECUTOR_RECOVER} to carry "
+                f"it back, {topics.EXECUTOR_OPEN} to let it go",
+                Refusal.HAND_NOT_EMPTY,
+                width,
+                self._missed_width,
+            )

@@ -1,0 +1,60 @@
+"""The arm's and the gripper's controllers, as the ports that a runner moves."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+from control_msgs.action import FollowJointTrajectory, GripperCommand
+from rclpy.callback_groups import CallbackGroup
+from rclpy.node import Node
+
+from panda_executor.action_arm import ActionArm
+from panda_executor.action_call import ActionCaller
+from panda_executor.action_gripper import ActionGripper
+from panda_executor.heartbeat import WorkPulse
+from panda_executor.joint_tracker import JointTracker
+from panda_executor.node_parameters import NodeParameters
+
+
+class Controllers:
+    """Clients of both controllers, and what the joint states say of them.
+
+    Args:
+        on_motion: called before the arm is told to move.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        parameters: NodeParameters,
+        joints: JointTracker,
+        on_motion: Callable[[], None],
+        group: CallbackGroup,
+    ) -> None:
+        robot = parameters.robot
+        self.pulse = WorkPulse(time.monotonic)
+        self._arm_caller = ActionCaller(node, FollowJointTrajectory, robot.arm_action, group, self.pulse)
+        self._gripper_caller = ActionCaller(node, GripperCommand, robot.gripper_action, group, self.pulse)
+
+        def now_ns() -> int:
+            return int(node.get_clock().now().nanoseconds)
+
+        self.arm = ActionArm(self._arm_caller, joints, robot.arm_joints, now_ns, parameters.watch, on_motion)
+        self.gripper = ActionGripper(self._gripper_caller, joints, now_ns, robot.gripper_reports_full_width)
+
+    def stop(self) -> None:
+        """Cancel all goals of both controllers, whoever sent them."""
+        self.gripper.stop()
+        self._arm_caller.cancel_all()
+        self._gripper_caller.cancel_all()
+
+    @property
+    def arm_ready(self) -> bool:
+        """True if the arm's action server is there."""
+        return self._arm_caller.is_ready()
+
+    @property
+    def gripper_ready(self) -> bool:
+        """True if the gripper's action server is there."""
+        return self._gripper_caller.is_ready()

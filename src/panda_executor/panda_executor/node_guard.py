@@ -1,0 +1,74 @@
+"""The executable `guard`: cancels everything at the controllers when nobody owns the motion any more."""
+
+from __future__ import annotations
+
+import time
+
+from action_msgs.srv import CancelGoal
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.node import Node
+from rclpy.qos import qos_profile_sensor_data
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Empty
+
+from cliport_core import topics
+from cliport_core.errors import CoreError
+from cliport_core.messages import stamp_from_msg
+from cliport_core.ros_running import run_node
+from panda_executor.action_call import cancel_service
+from panda_executor.errors import ExecutorError
+from panda_executor.guard import Fault, Guard, GuardConfig
+from panda_model.ros_parameters import declare_robot
+
+_PERIOD = 0.02  # [s]
+
+
+class GuardNode(Node):
+    """The node: it feeds a `Guard` with what it hears, and cancels when that one says so."""
+
+    def __init__(self) -> None:
+        super().__init__("panda_guard")
+        robot = declare_robot(self)
+        names = {}
+        for name in ("arm_action", "gripper_action"):
+            names[name] = str(self.declare_parameter(name, "").value) or getattr(robot, name)
+        config = GuardConfig()
+        silence = float(self.declare_parameter("silence", config.silence).value or config.silence)
+        self._guard = Guard(GuardConfig(silence=silence), _PERIOD)
+        self._cancels = [self.create_client(CancelGoal, cancel_service(name)) for name in names.values()]
+        self.create_subscription(Empty, topics.HEARTBEAT, lambda _: self._guard.on_heartbeat(), 10)
+        self.create_subscription(JointState, topics.JOINT_STATES, self._on_joints, qos_profile_sensor_data)
+        self._diagnostics = self.create_publisher(DiagnosticArray, topics.DIAGNOSTICS, 10)
+        self._last: Fault | None = None
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(_PERIOD, self._tick, clock=steady)
+        self.create_timer(1.0, self._report, clock=steady)
+
+    def _on_joints(self, message: JointState) -> None:
+        age = (self.get_clock().now().nanoseconds - stamp_from_msg(message.header.stamp)) * 1e-9
+        self._guard.on_joints(message.name, message.position, age)
+
+    def _tick(self) -> None:
+        fault = self._guard.tick(time.monotonic())
+        if fault is None:
+            return
+        self._last = fault
+        self.get_logger().error(f"{fault.value}: all goals are cancelled at the controllers")
+        for client in self._cancels:
+            if client.service_is_ready():
+                client.call_async(CancelGoal.Request())  # a zero id and stamp: every goal
+
+    def _report(self) -> None:
+        words = "watching" if self._last is None else f"last cancelled everything because {self._last.value}"
+        level = DiagnosticStatus.OK if self._last is None else DiagnosticStatus.WARN
+        status = DiagnosticStatus(level=level, name="panda_guard: arm", message=words, hardware_id="arm")
+        message = DiagnosticArray(status=[status])
+        message.header.stamp = self.get_clock().now().to_msg()
+        self._diagnostics.publish(message)
+
+
+def main(args: list[str] | None = None) -> int:
+    """Run the guard; return the exit status."""
+    return run_node(lambda _: GuardNode(), (ExecutorError, CoreError), args)

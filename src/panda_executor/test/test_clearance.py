@@ -1,0 +1,172 @@
+"""The whole arm, its hand and its load against what was seen: plans are checked again with the shapes themselves."""
+
+from __future__ import annotations
+
+import coal
+import numpy as np
+import pinocchio as pin
+import pytest
+from synthetic_clouds import CAMERA, Cube, cube_points, seen_cloud
+
+from cliport_core.action import PickPlaceAction
+from cliport_core.pose import PlanarPose
+from cliport_core.workspace import WorkspaceSpec
+from panda_executor.errors import PlanningError
+from panda_executor.hand_geometry import HandShape, HeldObject
+from panda_executor.ik import hand_down_pose
+from panda_executor.model import PandaModel
+from panda_executor.obstacle_grid import ObstacleGrid
+from panda_executor.reach_map import ReachMap, with_shadows
+from panda_executor.scene import UnseenRule
+from panda_executor.transfer import TransferPlanner
+from panda_executor.transfer_attempts import PickPlacePlan
+from panda_model import FloatArray, load_preset
+
+READY = load_preset().ready
+FLOOR = 0.012
+
+
+def closest(model: PandaModel, positions: FloatArray, box: Cube) -> float:
+    """Return the distance [m] between the arm with its hand and a box, by their own shapes."""
+    pin.forwardKinematics(model.model, model.data, positions)
+    shape = coal.Box(*box.size)
+    place = coal.Transform3s(pin.exp3(np.array([0.0, 0.0, box.yaw])), np.array([box.x, box.y, box.z + box.size[2] / 2]))
+    nearest = np.inf
+    for item in model.geometry.geometryObjects:
+        if item.parentJoint == 0:
+            continue
+        at = model.data.oMi[item.parentJoint] * item.placement
+        request, result = coal.DistanceRequest(), coal.DistanceResult()
+        coal.distance(item.geometry, coal.Transform3s(at.rotation, at.translation), shape, place, request, result)
+        nearest = min(nearest, result.min_distance)
+    return nearest
+
+
+def least_distance(plan: PickPlacePlan, box: Cube) -> float:
+    found = np.inf
+    for motion in plan.motions:
+        times = np.arange(0.0, motion.trajectory.duration, 0.05)
+        for positions in motion.trajectory.sample(times)[0]:
+            found = min(found, closest(motion.scene.model, positions, box))
+    return found
+
+
+@pytest.mark.parametrize("pick_y", [-0.1, 0.1])
+@pytest.mark.parametrize("place_y", [-0.25, 0.25])
+def test_a_box_behind_the_pick_is_not_hit_by_the_arm(
+    planner: TransferPlanner, workspace: WorkspaceSpec, pick_y: float, place_y: float
+) -> None:
+    """Only hand and load used to be checked: links 5 and 6 went through such a box in four of four plans."""
+    box = Cube(0.55 - 0.14 - 0.04, pick_y, size=(0.08, 0.12, 0.2))
+    cloud = seen_cloud(cube_points(Cube(0.55, pick_y, 0.3)), cube_points(box))
+    action = PickPlaceAction(PlanarPose(0.55, pick_y, 0.3), PlanarPose(0.5, place_y, 0.3))
+    try:
+        plan = planner.plan(action, cloud, workspace, READY)
+    except PlanningError:
+        return  # refused: nothing is hit
+    assert least_distance(plan, box) > 0.0
+
+
+def test_what_rises_above_the_workspace_is_avoided(planner: TransferPlanner, workspace: WorkspaceSpec) -> None:
+    """A column of 0.45 m between pick and place, above the workspace's z_max, used to be dropped."""
+    column = Cube(0.45, 0.0, size=(0.05, 0.05, 0.45))
+    cloud = seen_cloud(cube_points(Cube(0.45, 0.2, 0.3)), cube_points(column, 0.003))
+    action = PickPlaceAction(PlanarPose(0.45, 0.2, 0.3), PlanarPose(0.45, -0.2, 0.3))
+    try:
+        plan = planner.plan(action, cloud, workspace, READY)
+    except PlanningError:
+        return
+    assert least_distance(plan, column) > 0.0
+
+
+def test_spheres_hold_the_links(model: PandaModel) -> None:
+    random = np.random.default_rng(0)
+    for positions in (READY, READY + random.normal(0.0, 0.3, 7)):
+        centres, radii = model.own_spheres(positions)
+        for item in model.geometry.geometryObjects:
+            if not hasattr(item.geometry, "points"):
+                continue
+            name = model.model.frames[item.parentFrame].name
+            if "link" not in name:
+                continue
+            at = model.data.oMi[item.parentJoint] * item.placement
+            corners = np.asarray(item.geometry.points())
+            weights = random.dirichlet(np.ones(3), 200)
+            points = np.einsum("ni,nij->nj", weights, corners[random.integers(0, len(corners), (200, 3))])
+            extreme = np.concatenate([corners, points[:0]]) @ at.rotation.T + at.translation
+            outside = np.linalg.norm(extreme[:, None] - centres, axis=2) - radii
+            assert outside.min(axis=1).max() <= 1e-9, name
+
+
+def test_a_sphere_touches_a_column_where_geometry_says_so() -> None:
+    heights = np.full((40, 40), -1.0)
+    heights[20, 20] = 0.1  # at x, y 0.2..0.21
+    radii = np.array([0.04])
+    reach = ReachMap.over(heights, 0.0, 0.0, 0.01, radii, FLOOR)
+    random = np.random.default_rng(1)
+    centres = np.column_stack([random.uniform(0.1, 0.3, (4000, 2)), random.uniform(0.0, 0.2, 4000)])
+    beside = np.maximum(np.abs(centres[:, :2] - 0.205) - 0.005, 0.0)
+    above = np.maximum(centres[:, 2] - 0.1, 0.0)
+    distance = np.sqrt((beside**2).sum(axis=1) + above**2)
+    hits = reach.hits(centres, np.repeat(radii, len(centres)))
+    assert hits[distance < 0.04].all(), "a touch was missed"
+    assert not hits[distance > 0.04 + 2 * 0.01 * np.sqrt(2)].any(), "too careful"
+
+
+def test_unseen_space_behind_a_column_counts_as_filled_up_to_the_line_of_sight() -> None:
+    heights, seen = np.full((3, 60), -1.0), np.ones((3, 60), dtype=bool)
+    heights[1, 40] = 0.2
+    seen[1, 20:40] = False  # behind it, as the camera at x = 1 sees it
+    filled = with_shadows(heights, seen, 0.0, 0.0, 0.01, np.array([1.0, 0.015, 0.8]), FLOOR)
+    shadow = filled[1, 20:40]
+    assert shadow[-1] > 0.18 and (np.diff(shadow[shadow > 0]) > 0).all()
+    assert (filled[seen] == heights[seen]).all(), "what was seen stays as it was seen"
+    assert shadow[10] == pytest.approx(0.2 - 0.1 * (0.8 - 0.2) / (1.0 - 0.405), abs=0.015)
+
+
+@pytest.mark.parametrize(("rule", "touches"), [(UnseenRule.FREE, False), (UnseenRule.SHADOW, True)])
+def test_the_rule_for_unseen_space_is_a_setting(workspace: WorkspaceSpec, rule: UnseenRule, touches: bool) -> None:
+    wall = np.stack(np.meshgrid([0.5, 0.502], np.arange(-0.1, 0.1, 0.002), [0.3]), -1).reshape(-1, 3)
+    grid = ObstacleGrid.from_cloud(wall.astype(np.float32), workspace, FLOOR, camera=np.array([0.92, 0.0, 2.0]))
+    radii = np.array([0.05])
+    behind = np.array([[0.42, 0.0, 0.2]])
+    assert grid.reach(radii, FLOOR, rule is UnseenRule.SHADOW).hits(behind, radii).any() == touches
+
+
+@pytest.mark.parametrize(("below", "what"), [(0.02, None), (0.4, "the camera post")])
+def test_the_load_is_kept_from_the_post(
+    planner: TransferPlanner, workspace: WorkspaceSpec, below: float, what: str | None
+) -> None:
+    """A long thing that sticks out of the hand towards the camera's post."""
+    post, half = planner.model.fixed_boxes["camera post"]
+    x = float(post[0] - half[0]) - 0.1
+    assert x > 0.6 and (CAMERA[:2] == [0.92, 0.0]).all()
+    cells = np.stack(np.meshgrid(np.arange(-0.15, 0.15, 0.01), np.arange(-0.15, 0.15, 0.01)), -1).reshape(-1, 2)
+    reach = cells if what else cells[np.abs(cells).max(axis=1) < 0.02]
+    held = HeldObject(reach, below=0.02, above=0.02)
+    scene = planner.scene(ObstacleGrid.empty(workspace), HandShape(planner.config.hand, 0.04, held))
+    rotation = hand_down_pose(x, 0.0, 0.3, 0.0).rotation
+    planner.model.in_collision(READY)
+    found = scene._load_hits(np.asarray(rotation), np.array([x, 0.0, 0.3]))
+    assert found == what
+
+
+def test_the_load_is_kept_from_the_arm(planner: TransferPlanner, workspace: WorkspaceSpec) -> None:
+    cells = np.stack(np.meshgrid(np.arange(-0.3, 0.3, 0.01), [0.0]), -1).reshape(-1, 2)
+    held = HeldObject(np.concatenate([cells, cells[:, ::-1]]), below=0.02, above=0.02)
+    scene = planner.scene(ObstacleGrid.empty(workspace), HandShape(planner.config.hand, 0.04, held))
+    positions = planner.ik.solve_all(hand_down_pose(0.28, 0.0, 0.2, 0.0), READY)[0].positions
+    assert scene.problem(positions) == "what is held would touch the arm"
+    assert scene.with_hand(HandShape(planner.config.hand, 0.04)).problem(positions) is None
+
+
+def test_the_arm_itself_is_not_an_obstacle(planner: TransferPlanner, workspace: WorkspaceSpec) -> None:
+    """It waits in its own camera's view; what stands beside it stays."""
+    centres, radii = planner.model.own_spheres(READY)
+    random = np.random.default_rng(0)
+    rays = random.normal(size=(len(centres), 30, 3))
+    rays /= np.linalg.norm(rays, axis=2)[:, :, None]
+    skin = (centres[:, None] + radii[:, None, None] * rays).reshape(-1, 3)
+    beside = cube_points(Cube(0.45, 0.2, size=(0.05, 0.05, 0.5)))
+    left = planner.surroundings(np.concatenate([skin, beside]).astype(np.float32), workspace, READY)
+    assert len(left) == len(beside)

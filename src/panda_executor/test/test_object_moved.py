@@ -1,0 +1,59 @@
+"""Objects that move while the arm is on its way to them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from fake_ports import FakeArm, FakeGripper
+from synthetic_clouds import Bowl, Cube, bowl_points, cube_points, seen_cloud
+
+from cliport_core.action import ActionGoal, PickPlaceAction
+from cliport_core.outcome import Outcome
+from cliport_core.pose import PlanarPose
+from cliport_core.workspace import WorkspaceSpec
+from panda_executor.grasp import plan_grasps
+from panda_executor.object_moved import vacated_share
+from panda_executor.runner import PickPlaceRunner
+from panda_executor.transfer import TransferPlanner
+from panda_model import load_preset
+
+PICK, PLACE = PlanarPose(0.45, 0.1, 0.3), PlanarPose(0.5, -0.2, 0.3)
+
+
+def cloud_with_cube_at(shift: float, seed: int = 0) -> np.ndarray:
+    """The cube shifted along y by so much [m], the bowl where it is."""
+    return seen_cloud(cube_points(Cube(0.45, 0.1 + shift, 0.3)), bowl_points(Bowl(0.5, -0.2)), seed=seed)
+
+
+@pytest.mark.parametrize(
+    ("shift", "low", "high"), [(0.0, 0.0, 0.05), (0.01, 0.1, 0.45), (0.03, 0.5, 1.0), (0.1, 0.9, 1.0)]
+)
+def test_the_empty_share_grows_with_the_shift(workspace: WorkspaceSpec, shift: float, low: float, high: float) -> None:
+    grasp = plan_grasps(cloud_with_cube_at(0.0), PICK, workspace)[0]
+    assert low <= vacated_share(cloud_with_cube_at(shift, seed=1), grasp) <= high
+
+
+def test_what_is_hidden_is_not_gone(workspace: WorkspaceSpec) -> None:
+    before = cloud_with_cube_at(0.0)
+    grasp = plan_grasps(before, PICK, workspace)[0]
+    away = np.hypot(before[:, 0] - 0.45, before[:, 1] - 0.1) > 0.05
+    assert vacated_share(before[away], grasp) == 0.0  # nothing is seen there
+    hand = np.column_stack([np.random.default_rng(0).uniform([0.4, 0.05], [0.5, 0.15], (4000, 2)), np.full(4000, 0.2)])
+    assert vacated_share(np.concatenate([before[away], hand.astype(np.float32)]), grasp) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("shift", "outcome"),
+    [(0.0, Outcome.SUCCEEDED), (0.01, Outcome.SUCCEEDED), (0.03, Outcome.GRASP_MISSED), (0.1, Outcome.GRASP_MISSED)],
+)
+def test_an_object_that_moved_is_looked_for_anew(planner: TransferPlanner, shift: float, outcome: Outcome) -> None:
+    arm, gripper = FakeArm(), FakeGripper(opening=0.02)
+    runner = PickPlaceRunner(planner.model, planner, arm, gripper)
+    goal = ActionGoal(PickPlaceAction(PICK, PLACE))
+    later = cloud_with_cube_at(shift, seed=1)
+    result = runner.run(goal, cloud_with_cube_at(0.0), WorkspaceSpec(), look=lambda: later)
+    assert result.outcome is outcome, result.message
+    np.testing.assert_allclose(arm.positions, load_preset().ready, atol=1e-6)
+    if outcome is Outcome.GRASP_MISSED:
+        assert "moved while the arm was under way" in result.message
+        assert len(arm.sent) == 2, "the hand went down"

@@ -1,0 +1,131 @@
+"""Faults injected into the running graph: how long the arm moves on after each, and how far.
+
+`make soak` runs this; the figures go to out/motion_faults.json, and docs/motion_safety.md has the table.
+"""
+
+import json
+import os
+import signal
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from graph_probe import STILL, GraphProbe
+from ros_domain import next_domain
+
+from cliport_benchmark.graph_process import GraphProcess
+from cliport_interfaces.action import PickPlace
+from panda_executor.model import PandaModel
+from panda_model import load_preset
+
+TASK = "put-blocks-in-bowls-seen-colors"
+OUT = Path(__file__).resolve().parents[1] / "out" / "motion_faults.json"
+GUARD = 2.0  # s, after which a test gives up; the figures themselves are in the table
+JOINTS = list(load_preset().arm_joints)
+
+pytestmark = pytest.mark.soak
+
+
+@pytest.fixture
+def moving(tmp_path: Path) -> Iterator[tuple[GraphProcess, GraphProbe]]:
+    """A graph of its own for each fault, in real time, whose arm is under way to the pick."""
+    domain = next_domain()
+    arguments = {"task": TASK, "split": "test", "seed": "3"}
+    environment = {"ROS_DOMAIN_ID": str(domain)}
+    with (
+        GraphProcess("sim.launch.yaml", arguments, tmp_path / "graph.log", environment) as graph,
+        GraphProbe(domain) as probe,
+    ):
+        probe.wait_ready(90.0, lambda: graph.alive)
+        sentence = probe.reset(TASK, "test", 3)
+        time.sleep(0.5)
+        probe.instruct(sentence)
+        probe.wait_moving(40.0)
+        time.sleep(0.25)
+        yield graph, probe
+        assert "Traceback" not in graph.log_text(), graph.log_tail(60)
+
+
+def kill(executable: str, number: int) -> Callable[[GraphProcess, GraphProbe], None]:
+    return lambda graph, probe: os.kill(graph.pid_of(executable), number)
+
+
+FAULTS: dict[str, Callable[[GraphProcess, GraphProbe], object]] = {
+    "executor killed": kill("executor", signal.SIGKILL),
+    "executor hung (SIGSTOP)": kill("executor", signal.SIGSTOP),
+    "policy server killed": kill("server", signal.SIGKILL),
+    "stop asked for at the executor": lambda graph, probe: probe.trigger("/panda_executor/stop"),
+    "stop asked for at the policy server": lambda graph, probe: probe.trigger("/cliport/stop"),
+    "an empty instruction": lambda graph, probe: probe.instruct(""),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_the_arm_comes_to_rest(moving: tuple[GraphProcess, GraphProbe], fault: str) -> None:
+    graph, probe = moving
+    before = probe.positions(JOINTS)
+    start = time.monotonic()
+    FAULTS[fault](graph, probe)
+    still = probe.wait_still(start, 5.0)
+    after = probe.positions(JOINTS)
+    seconds = still - start
+    model = PandaModel()
+    metres = float(np.linalg.norm(model.tcp_arrays(after)[1] - model.tcp_arrays(before)[1]))
+    _note(fault, seconds, metres)
+    if fault.startswith("executor hung"):
+        os.kill(graph.pid_of("executor"), signal.SIGCONT)
+        time.sleep(1.0)  # it wakes up: nothing may go on
+    time.sleep(0.5)
+    assert probe.fastest(still + 0.05) < STILL, "the arm went on"
+    assert seconds < GUARD
+
+
+def test_a_goal_that_was_stopped_does_not_go_on_after_a_resume(moving: tuple[GraphProcess, GraphProbe]) -> None:
+    _, probe = moving
+    probe.trigger("/panda_executor/stop")
+    probe.trigger("/panda_executor/resume")
+    still = probe.wait_still(time.monotonic(), 5.0)
+    time.sleep(1.0)
+    assert probe.fastest(still + 0.05) < STILL
+
+
+def test_another_client_is_refused_while_the_arm_moves(moving: tuple[GraphProcess, GraphProbe]) -> None:
+    _, probe = moving
+    assert not probe.send_pick_place((0.4, 0.1), (0.4, -0.2)).accepted
+
+
+def test_random_goals_move_nothing_or_end_in_one_line(tmp_path: Path) -> None:
+    """A thousand goals, most of them senseless, all of them only planned."""
+    domain = next_domain()
+    environment = {"ROS_DOMAIN_ID": str(domain)}
+    arguments = {"task": TASK, "split": "test", "seed": "3"}
+    random = np.random.default_rng(0)
+    odd = [float("nan"), float("inf"), -float("inf"), 1e30, -5.0, 0.0]
+    with (
+        GraphProcess("sim.launch.yaml", arguments, tmp_path / "graph.log", environment) as graph,
+        GraphProbe(domain) as probe,
+    ):
+        probe.wait_ready(90.0, lambda: graph.alive)
+        start = time.monotonic()
+        for _ in range(1000):
+            values = [float(random.choice(odd)) if random.random() < 0.4 else random.uniform(-1, 1) for _ in range(4)]
+            handle = probe.send_pick_place((values[0], values[1]), (values[2], values[3]), plan_only=True)
+            result = probe.result_of(handle)
+            assert result.outcome in (
+                PickPlace.Result.OUTCOME_REJECTED,
+                PickPlace.Result.OUTCOME_PLANNING_FAILED,
+                PickPlace.Result.OUTCOME_PLANNED,
+            )
+            assert result.message and "\n" not in result.message
+        assert probe.fastest(start) < STILL
+        assert graph.healthy
+
+
+def _note(fault: str, seconds: float, metres: float) -> None:
+    OUT.parent.mkdir(exist_ok=True)
+    found = json.loads(OUT.read_text()) if OUT.is_file() else {}
+    found[fault] = {"standstill_s": round(seconds, 3), "way_m": round(metres, 4)}
+    OUT.write_text(json.dumps(found, indent=1) + "\n")
+    print(f"{fault}: at rest after {seconds:.3f} s, {1000 * metres:.0f} mm")
