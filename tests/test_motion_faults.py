@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from graph_probe import STILL, GraphProbe
 from ros_domain import next_domain
 
@@ -21,18 +22,28 @@ from panda_executor.model import PandaModel
 from panda_model import load_preset
 
 TASK = "put-blocks-in-bowls-seen-colors"
-OUT = Path(__file__).resolve().parents[1] / "out" / "motion_faults.json"
+ROOT = Path(__file__).resolve().parents[1]
+OUT = ROOT / "out" / "motion_faults.json"
 GUARD = 2.0  # s, after which a test gives up; the figures themselves are in the table
 JOINTS = list(load_preset().arm_joints)
 
 pytestmark = pytest.mark.soak
 
 
+def with_hardware_times(folder: Path) -> Path:
+    """Return a copy of sim.yaml without the longer times that it grants the simulator."""
+    settings = yaml.safe_load((ROOT / "src/cliport_bringup/config/sim.yaml").read_text())
+    del settings["/panda_executor"], settings["/panda_guard"]
+    path = folder / "params.yaml"
+    path.write_text(yaml.safe_dump(settings))
+    return path
+
+
 @pytest.fixture
 def moving(tmp_path: Path) -> Iterator[tuple[GraphProcess, GraphProbe]]:
     """A graph of its own for each fault, in real time, whose arm is under way to the pick."""
     domain = next_domain()
-    arguments = {"task": TASK, "split": "test", "seed": "3"}
+    arguments = {"task": TASK, "split": "test", "seed": "3", "params": str(with_hardware_times(tmp_path))}
     environment = {"ROS_DOMAIN_ID": str(domain)}
     with (
         GraphProcess("sim.launch.yaml", arguments, tmp_path / "graph.log", environment) as graph,

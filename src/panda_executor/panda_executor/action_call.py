@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -49,7 +50,7 @@ class ActionCaller:
     def __init__(
         self, node: Node, action_type: Any, name: str, group: CallbackGroup, pulse: WorkPulse | None = None
     ) -> None:
-        self._node, self._name, self._pulse = node, name, pulse or WorkPulse(time.monotonic)
+        self._node, self._name, self._pulse = node, name, pulse or WorkPulse(time.monotonic, math.inf)
         self._client = ActionClient(node, action_type, name, callback_group=group)
         self._cancel_service = node.create_client(CancelGoal, cancel_service(name), callback_group=group)
         self._now: Callable[[], float] = lambda: node.get_clock().now().nanoseconds * 1e-9

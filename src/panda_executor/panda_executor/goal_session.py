@@ -43,7 +43,7 @@ class GoalSession:
         owners: OwnerWatch | None = None,
         approvals: Approvals | None = None,
     ) -> None:
-        self._owners = owners or OwnerWatch(time.monotonic)
+        self._owners = owners or OwnerWatch(time.monotonic, parameters.owner_silence)
         self._approvals = approvals or Approvals(parameters.approval_time)
         self._runner, self._clouds, self._camera, self._parameters = runner, clouds, camera, parameters
         self._gate, self._now_ns = gate, now_ns

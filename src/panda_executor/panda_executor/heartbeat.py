@@ -15,7 +15,7 @@ class WorkPulse:
         clock: steady time [s]; longest: between two looks [s].
     """
 
-    def __init__(self, clock: Callable[[], float], longest: float = 0.25) -> None:
+    def __init__(self, clock: Callable[[], float], longest: float) -> None:
         self._clock, self._longest = clock, longest
         self._running = 0
         self._last = clock()

@@ -33,7 +33,7 @@ class Controllers:
         group: CallbackGroup,
     ) -> None:
         robot = parameters.robot
-        self.pulse = WorkPulse(time.monotonic)
+        self.pulse = WorkPulse(time.monotonic, parameters.work_silence)
         self._arm_caller = ActionCaller(node, FollowJointTrajectory, robot.arm_action, group, self.pulse)
         self._gripper_caller = ActionCaller(node, GripperCommand, robot.gripper_action, group, self.pulse)
 

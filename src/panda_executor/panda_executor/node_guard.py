@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 
 from action_msgs.srv import CancelGoal
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
@@ -35,8 +36,12 @@ class GuardNode(Node):
         for name in ("arm_action", "gripper_action"):
             names[name] = str(self.declare_parameter(name, "").value) or getattr(robot, name)
         config = GuardConfig()
-        silence = float(self.declare_parameter("silence", config.silence).value or config.silence)
-        self._guard = Guard(GuardConfig(silence=silence), _PERIOD)
+        silences = {}
+        for name in ("silence", "joint_silence"):
+            silences[name] = float(self.declare_parameter(name, getattr(config, name)).value or 0.0)
+            if not silences[name] > 0.0:
+                raise ExecutorError(f"{name} must be positive, got {silences[name]:g}")
+        self._guard = Guard(replace(config, **silences), _PERIOD)
         self._cancels = [self.create_client(CancelGoal, cancel_service(name)) for name in names.values()]
         self.create_subscription(Empty, topics.HEARTBEAT, lambda _: self._guard.on_heartbeat(), 10)
         self.create_subscription(JointState, topics.JOINT_STATES, self._on_joints, qos_profile_sensor_data)

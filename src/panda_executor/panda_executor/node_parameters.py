@@ -20,7 +20,8 @@ class NodeParameters:
     """Values of the node's parameters; ages and waits in s.
 
     require_approval: whether each plan waits for its approval, for at most approval_time; self_clearance: between links
-    of the arm [m].
+    of the arm [m]; owner_silence: of a motion's owner, until it is stopped; work_silence: between two looks at a motion,
+    until the heartbeat ends.
 
     robot_description: the user's own URDF, as a path or as XML; empty: the preset's.
     """
@@ -38,6 +39,8 @@ class NodeParameters:
     approval_time: float
     self_clearance: float
     watch: ArmWatch
+    owner_silence: float
+    work_silence: float
 
 
 def read_parameters(node: Node) -> NodeParameters:
@@ -76,6 +79,8 @@ def read_parameters(node: Node) -> NodeParameters:
         self_clearance=_positive(get, "self_clearance", 0.03),
         max_ahead=float(get("max_ahead", 0.25)),
         watch=_read_watch(get),
+        owner_silence=_positive(get, "owner_silence", 0.3),
+        work_silence=_positive(get, "work_silence", 0.25),
     )
 
 

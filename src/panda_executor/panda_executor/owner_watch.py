@@ -17,7 +17,7 @@ class OwnerWatch:
         clock: steady time [s]; longest: silence of an owner that still lives [s].
     """
 
-    def __init__(self, clock: Callable[[], float], longest: float = 0.3) -> None:
+    def __init__(self, clock: Callable[[], float], longest: float) -> None:
         self._clock, self.longest = clock, longest
         self._lock = threading.Lock()
         self._silence: dict[str, float] = {}
