@@ -20,8 +20,8 @@ class NodeParameters:
     """Values of the node's parameters; ages and waits in s.
 
     require_approval: whether each plan waits for its approval, for at most approval_time; self_clearance: between links
-    of the arm [m]; owner_silence: of a motion's owner, until it is stopped; work_silence: between two looks at a motion,
-    until the heartbeat ends.
+    of the arm [m]; owner_silence: of a motion's owner, until the motion is stopped; work_silence: between two looks at
+    a motion, until the heartbeat ends.
 
     robot_description: the user's own URDF, as a path or as XML; empty: the preset's.
     """
