@@ -19,6 +19,7 @@ from std_srvs.srv import Trigger
 
 from cliport_core import topics
 from cliport_core.action import ActionGoal
+from cliport_core.heartbeat import Heartbeat
 from cliport_core.messages import goal_to_msg, result_from_msg
 from cliport_core.outcome import ActionResult, Outcome
 from cliport_interfaces.action import PickPlace
@@ -26,6 +27,7 @@ from demo_tool.ports import ACCEPTED, OnEnd, OnPhase
 
 _HEARTBEAT_TIMEOUT = 1.0  # [s]
 _BEAT_PERIOD = 0.05  # of its own signs of life [s]
+_LONGEST_TURN = 3.0  # of the node's thread, before it counts as hung [s]
 _STOPS = (topics.EXECUTOR_STOP, topics.STOP)
 _RESUMES = (topics.EXECUTOR_RESUME, topics.RESUME)
 
@@ -39,7 +41,10 @@ class RosArm:
         self._owner = f"{node.get_name()}-{uuid.uuid4().hex[:8]}"
         beats = node.create_publisher(String, topics.OWNER_HEARTBEAT, 10)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        node.create_timer(_BEAT_PERIOD, lambda: beats.publish(String(data=self._owner)), clock=steady)
+        self._turned = time.monotonic()
+        node.create_timer(_BEAT_PERIOD, self._turn, clock=steady)
+        # From a thread of its own: the node's may be at a picture or at the disk for longer than a motion waits.
+        self._heart = Heartbeat(lambda: beats.publish(String(data=self._owner)), _BEAT_PERIOD, self._turns)
         self._triggers = {name: node.create_client(Trigger, name) for name in (*_STOPS, *_RESUMES)}
         node.create_subscription(Empty, topics.HEARTBEAT, self._on_heartbeat, 1)
         self._beat: float | None = None
@@ -49,6 +54,10 @@ class RosArm:
     def fault(self) -> str | None:
         """Return one line that says why the executor can take no goal now, or None."""
         return self._fault
+
+    def close(self) -> None:
+        """End the signs of life; to be called before the node ends."""
+        self._heart.stop()
 
     def look(self) -> None:
         """Update `fault`; to be called a few times a second in the node's thread."""
@@ -98,6 +107,12 @@ class RosArm:
                 self._triggers[name].call_async(Trigger.Request())
             else:
                 self._node.get_logger().warning(f"service {name} is not there, and was not called")
+
+    def _turn(self) -> None:
+        self._turned = time.monotonic()
+
+    def _turns(self) -> bool:
+        return time.monotonic() - self._turned < _LONGEST_TURN
 
     def _on_heartbeat(self, _: Empty) -> None:
         self._beat = time.monotonic()

@@ -60,6 +60,12 @@ class RosLink(Node):
         """Cancel the station's motion and let its step be written; to be called while the node is spun."""
         if self._station is not None:
             self._station.close()
+        self.arm.close()
+
+    def destroy_node(self) -> None:
+        """End the signs of life, then the node."""
+        self.arm.close()
+        super().destroy_node()
 
     def _now_ns(self) -> int:
         return int(self.get_clock().now().nanoseconds)

@@ -15,8 +15,8 @@ from rclpy.callback_groups import CallbackGroup
 from rclpy.node import Node
 
 from panda_executor.action_goal import OwnedGoal
-from panda_executor.heartbeat import WorkPulse
 from panda_executor.ports import MotionStatus, ShouldStop
+from panda_executor.work_pulse import WorkPulse
 
 _POLL = 0.01  # between two looks at should_stop [s]
 _ANSWER_TIME = 3.0  # for the server's answer to a goal, wall clock [s]

@@ -17,6 +17,7 @@ from std_msgs.msg import Empty, String
 from tf2_msgs.msg import TFMessage
 
 from cliport_core import topics
+from cliport_core.heartbeat import Heartbeat
 from cliport_core.messages import pose_from_transform_msg, stamp_from_msg
 from cliport_core.raw_header import header_of_raw
 from cliport_core.ros_action_server import ThreadedActionServer
@@ -30,7 +31,6 @@ from panda_executor.errors import RequestError
 from panda_executor.gate import Gate
 from panda_executor.goal_session import GoalSession
 from panda_executor.health import assess
-from panda_executor.heartbeat import Heartbeat
 from panda_executor.joint_tracker import JointTracker
 from panda_executor.model import PandaModel
 from panda_executor.node_controllers import Controllers

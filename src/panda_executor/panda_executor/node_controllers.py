@@ -12,9 +12,9 @@ from rclpy.node import Node
 from panda_executor.action_arm import ActionArm
 from panda_executor.action_call import ActionCaller
 from panda_executor.action_gripper import ActionGripper
-from panda_executor.heartbeat import WorkPulse
 from panda_executor.joint_tracker import JointTracker
 from panda_executor.node_parameters import NodeParameters
+from panda_executor.work_pulse import WorkPulse
 
 
 class Controllers:

@@ -9,12 +9,13 @@ import threading
 import numpy as np
 import pytest
 
+from cliport_core.heartbeat import Heartbeat
 from panda_executor.cloud_cache import CloudCache, stamp_of_raw
 from panda_executor.errors import PortError, RequestError
 from panda_executor.gate import Gate
 from panda_executor.health import ERROR, OK, WARN, assess
-from panda_executor.heartbeat import Heartbeat, WorkPulse
 from panda_executor.joint_tracker import JointTracker
+from panda_executor.work_pulse import WorkPulse
 
 S = 1_000_000_000
 ARM = tuple(f"panda_joint{i}" for i in range(1, 8))

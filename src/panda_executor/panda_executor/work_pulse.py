@@ -1,8 +1,7 @@
-"""A sign of life to the arm's side, many times a second, from the process that commands it."""
+"""Looks at what is owned: whether somebody still watches a motion."""
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable
 
 
@@ -36,31 +35,3 @@ class WorkPulse:
     def is_alive(self) -> bool:
         """Return True unless something runs that nobody has looked at for too long."""
         return self._running == 0 or self._clock() - self._last <= self._longest
-
-
-class Heartbeat:
-    """Calls `beat` every `period` s from a thread of its own: planning in another thread does not hold it up.
-
-    The arm's side stops the arm when the beats end during a motion: a process that was killed cannot cancel.
-
-    Args:
-        is_alive: whether the work goes on; no beat while it does not.
-    """
-
-    def __init__(
-        self, beat: Callable[[], None], period: float = 0.05, is_alive: Callable[[], bool] = lambda: True
-    ) -> None:
-        self._beat, self._period, self._is_alive = beat, period, is_alive
-        self._end = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="heartbeat", daemon=True)
-        self._thread.start()
-
-    def _run(self) -> None:
-        while not self._end.wait(self._period):
-            if self._is_alive():
-                self._beat()
-
-    def stop(self) -> None:
-        """End the thread; returns when no beat is under way."""
-        self._end.set()
-        self._thread.join(timeout=1.0)
