@@ -229,7 +229,8 @@ def test_action_send_goal(acting):
         "0.25",
         "0.5",
     ]
-    assert "\nResult:\n    outcome: 0\nmessage: done\n" in done.stdout
+    assert "\nResult:\n    outcome: 0\n" in done.stdout
+    assert "\nmessage: done\n" in done.stdout
     assert done.stdout.endswith("\nGoal finished with status: SUCCEEDED\n")
     rejected = ros2(environment, *send, "{instruction: never}")
     assert (rejected.returncode, rejected.stdout.splitlines()[-1]) == (0, "Goal was rejected.")

@@ -63,10 +63,8 @@ class ExecutorNode(Node):
         self._calls = ReentrantCallbackGroup()
         self._controllers = Controllers(self, parameters, self._joints, self.gate.note_motion, self._calls)
         self._runner, self._base_frame = self._make_runner(parameters), robot.base_frame
-        self._owners, self._approvals = (
-            OwnerWatch(time.monotonic, parameters.owner_silence),
-            Approvals(parameters.approval_time),
-        )
+        self._owners = OwnerWatch(time.monotonic, parameters.owner_silence)
+        self._approvals = Approvals(parameters.approval_time)
         self._session = GoalSession(
             self._runner, self._clouds, self._camera, parameters, self.gate, self._now_ns, self._owners, self._approvals
         )
