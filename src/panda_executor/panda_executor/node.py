@@ -81,22 +81,19 @@ class ExecutorNode(Node):
         return PickPlaceRunner(model, planner, self._controllers.arm, self._controllers.gripper)
 
     def _subscribe(self) -> None:
-        data = MutuallyExclusiveCallbackGroup()
+        data, best_effort = MutuallyExclusiveCallbackGroup(), qos_profile_sensor_data
         # Reliable, unlike for a camera's topics: a message of 16 MB rarely arrives whole by best effort.
         self.create_subscription(
             PointCloud2, topics.POINTS, self._clouds.put, QoSProfile(depth=1), raw=True,
             callback_group=MutuallyExclusiveCallbackGroup(),
         )  # fmt: skip
-        self.create_subscription(
-            JointState, topics.JOINT_STATES, self._on_joints, qos_profile_sensor_data, callback_group=data
-        )
+        self.create_subscription(JointState, topics.JOINT_STATES, self._on_joints, best_effort, callback_group=data)
         self.create_subscription(String, topics.OWNER_HEARTBEAT, self._on_owner, 20, callback_group=data)
         latched = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self.create_subscription(TFMessage, topics.TF_STATIC, self._on_transforms, latched, callback_group=data)
         self.create_subscription(
-            CameraInfo, topics.CAMERA_INFO, self._on_camera_info, qos_profile_sensor_data, raw=True,
-            callback_group=data,
-        )  # fmt: skip
+            CameraInfo, topics.CAMERA_INFO, self._on_camera_info, best_effort, raw=True, callback_group=data
+        )
 
     def _offer(self) -> None:
         """Offer services, diagnostics, the heartbeat and, last, the action."""
