@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import os
 import sys
 import time
-from contextlib import suppress
 from typing import Any
 
 import rclpy
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.callback_groups import ReentrantCallbackGroup
-from rclpy.executors import ExternalShutdownException, MultiThreadedExecutor
+from rclpy.executors import MultiThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
+from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import String
 
 from cliport_interfaces.action import PickPlace
@@ -70,16 +69,14 @@ class PickPlaceNode(Node):
 
 
 def main(what: str) -> None:
-    """Spin the nodes until the process is told to end."""
-    rclpy.init()
+    """Spin the nodes until SIGTERM ends the process at once: rclpy's own handler may never return."""
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     nodes: list[Node] = [PickPlaceNode()] if what == "action" else publishing_nodes(int(what))
     executor = MultiThreadedExecutor(2)
     for node in nodes:
         executor.add_node(node)
     print("ready", flush=True)
-    with suppress(KeyboardInterrupt, ExternalShutdownException):
-        executor.spin()
-    os._exit(0)  # joining the executor's threads may never end
+    executor.spin()
 
 
 if __name__ == "__main__":

@@ -13,6 +13,11 @@ from panda_executor.errors import RequestError
 from panda_executor.ports import ShouldStop
 
 
+def new_plan_id() -> str:
+    """Return an id for a plan: eight hexadecimal digits."""
+    return uuid.uuid4().hex[:8]
+
+
 class Approvals:
     """Holds one plan at a time until a person approves it; an approval is of that plan and of no other.
 
@@ -26,11 +31,10 @@ class Approvals:
         self._waiting = ""
         self._approved = ""
 
-    def offer(self) -> str:
-        """Return the id of a plan that may be approved from now on, in place of any other."""
+    def offer(self, plan_id: str) -> None:
+        """Let the plan of that id be approved from now on, in place of any other."""
         with self._changed:
-            self._waiting, self._approved = uuid.uuid4().hex[:8], ""
-            return self._waiting
+            self._waiting, self._approved = plan_id, ""
 
     def approve(self, plan_id: str) -> tuple[bool, str]:
         """Take an approval of the plan of that id; return whether that one waits, and a sentence."""

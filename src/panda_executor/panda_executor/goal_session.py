@@ -16,7 +16,7 @@ from cliport_core.messages import goal_from_msg, result_to_msg
 from cliport_core.outcome import ActionResult, Outcome, Refusal
 from cliport_interfaces.action import PickPlace
 from panda_executor import conversions
-from panda_executor.approvals import Approvals
+from panda_executor.approvals import Approvals, new_plan_id
 from panda_executor.camera_place import CameraPlace
 from panda_executor.cloud_cache import CloudCache
 from panda_executor.errors import RequestError
@@ -95,8 +95,9 @@ class GoalSession:
 
         def await_approval() -> None:
             nonlocal plan_id
-            plan_id = self._approvals.offer()
+            plan_id = new_plan_id()
             if self._parameters.require_approval:
+                self._approvals.offer(plan_id)
                 on_phase(Phase.APPROVAL, Phase.APPROVAL.progress())
                 self._approvals.wait(plan_id, should_stop)
 

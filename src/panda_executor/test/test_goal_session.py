@@ -15,6 +15,7 @@ from cliport_core.messages import goal_to_msg, result_from_msg
 from cliport_core.outcome import ActionResult, Outcome
 from cliport_core.pose import PlanarPose, Pose
 from cliport_core.workspace import WorkspaceSpec
+from panda_executor.approvals import Approvals
 from panda_executor.arm_watch import ArmWatch
 from panda_executor.camera_place import CameraPlace
 from panda_executor.cloud_cache import CloudCache
@@ -67,7 +68,10 @@ class Session:
         camera.put("panda_link0", "camera", Pose.identity())
         camera.see("camera")
         self.planner, self.camera_position = self, np.full(3, np.nan)
-        self._session = GoalSession(self, self.clouds, camera, parameters, self.gate, lambda: int(self.now * S))  # type: ignore[arg-type]
+        self.approvals = Approvals(parameters.approval_time)
+        self._session = GoalSession(
+            self, self.clouds, camera, parameters, self.gate, lambda: int(self.now * S), approvals=self.approvals,  # type: ignore[arg-type]
+        )  # fmt: skip
 
     def run(
         self, request: Any, cloud: Any, workspace: Any, on_phase: Any, should_stop: Any, approve: Any, look: Any
@@ -109,6 +113,16 @@ def test_a_cloud_from_before_the_last_motions_end_is_rejected(session: Session) 
     assert (rejected.outcome, handle.ended) == (Outcome.REJECTED, ["aborted"])
     assert "while the arm still moved" in rejected.message
     session.see(15.0)
+    assert session.ask()[0].outcome is Outcome.SUCCEEDED
+
+
+def test_a_plan_that_needs_no_approval_takes_none(session: Session) -> None:
+    def approve(_: Callable[[], bool]) -> Outcome:
+        assert session.approvals.approve("12345678") == (False, "no plan waits for approval")
+        return Outcome.SUCCEEDED
+
+    session.act = approve
+    session.see(10.0)
     assert session.ask()[0].outcome is Outcome.SUCCEEDED
 
 

@@ -13,7 +13,7 @@ from cliport_core.action import ActionGoal, PickPlaceAction
 from cliport_core.outcome import ActionResult, Outcome, Refusal
 from cliport_core.pose import PlanarPose
 from cliport_core.workspace import WorkspaceSpec
-from panda_executor.approvals import Approvals
+from panda_executor.approvals import Approvals, new_plan_id
 from panda_executor.config import AfterFailure
 from panda_executor.errors import RequestError
 from panda_executor.hand_content import HandContent
@@ -141,8 +141,9 @@ def test_the_width_tells_what_the_hand_holds() -> None:
 def test_an_approval_is_of_one_plan() -> None:
     approvals = Approvals(10.0)
     assert approvals.approve("whatever") == (False, "no plan waits for approval")
-    first = approvals.offer()
-    second = approvals.offer()
+    first, second = new_plan_id(), new_plan_id()
+    approvals.offer(first)
+    approvals.offer(second)
     assert not approvals.approve(first)[0], "an approval of another plan"
     assert not approvals.approve("")[0]
     assert approvals.approve(second)[0]
@@ -154,13 +155,15 @@ def test_an_approval_expires() -> None:
     now = iter(range(1000))
     approvals = Approvals(3.0, lambda: next(now))
     with pytest.raises(RequestError, match="was not approved within 3 s") as caught:
-        approvals.wait(approvals.offer(), lambda: False)
+        approvals.offer("a")
+        approvals.wait("a", lambda: False)
     assert caught.value.refusal is Refusal.NOT_APPROVED
 
 
 def test_a_stop_ends_the_wait_for_an_approval() -> None:
     approvals = Approvals(1e9)
-    approvals.wait(approvals.offer(), lambda: True)
+    approvals.offer("b")
+    approvals.wait("b", lambda: True)
 
 
 def test_a_plan_that_nobody_approves_moves_nothing(planner: TransferPlanner, table_cloud: np.ndarray) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from datetime import datetime
 from typing import NamedTuple, Protocol
 
@@ -97,11 +98,9 @@ class EyeOnBaseProcedure:
             return "solving"
         candidates = candidate_poses(samples[0].gripper_in_base)
         if len(samples) >= _GUESS_FROM:
-            try:
+            with suppress(CalibrationError):  # these samples say nothing yet; the last word is the solver's
                 placement, _ = guess_placement(samples, self._rng)
                 candidates = in_view(candidates, placement, self._board, self._camera) or candidates
-            except CalibrationError:
-                pass  # the samples say nothing yet; the last word is the solver's
         wanted = next_pose(candidates, [sample.gripper_in_base for sample in samples], self._rng)
         return describe_move(current, wanted)
 
