@@ -6,7 +6,6 @@ import time
 from collections.abc import Callable
 from dataclasses import fields
 from functools import partial
-from queue import SimpleQueue
 
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
@@ -21,6 +20,7 @@ from cliport_core.errors import CoreError
 from cliport_core.messages import heightmap_from_msg, stamp_from_msg, status_to_msg
 from cliport_core.policy_state import PolicyState, ServerStatus
 from cliport_core.ros_running import run_node
+from cliport_core.spin_queue import SpinQueue
 from cliport_interfaces.msg import Heightmap as HeightmapMsg
 from cliport_interfaces.msg import PolicyStatus
 from cliport_policy.errors import PolicyError
@@ -49,10 +49,9 @@ class PolicyServerNode(Node):
         settings = {f.name: self.declare_parameter(f.name, f.default).value for f in fields(ServerConfig)}
         self._config = ServerConfig(**settings)
         self._policy = load_policy(checkpoint, compiled=bool(self.declare_parameter("compile", False).value))
+        self._queue = SpinQueue(self)
         self._worker = InferenceWorker(self._policy, self._hand_over)
         self._worker.warm_up()
-        self._answers: SimpleQueue[InferenceAnswer] = SimpleQueue()
-        self._answered = self.create_guard_condition(self._on_answer)
         self._last_answer: InferenceAnswer | None = None
 
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -80,6 +79,7 @@ class PolicyServerNode(Node):
         self._worker.close()
 
     def _tick(self) -> None:
+        self._queue.run()
         self._server.tick(self._now())
         self._executor_link.beat()
 
@@ -94,16 +94,14 @@ class PolicyServerNode(Node):
 
     def _hand_over(self, answer: InferenceAnswer) -> None:
         """Pass an answer from the worker's thread to this node's."""
-        self._answers.put(answer)
-        self._answered.trigger()
+        self._queue.post(partial(self._on_answer, answer))
 
-    def _on_answer(self) -> None:
-        while not self._answers.empty():
-            answer = self._last_answer = self._answers.get()
-            if answer.inference is None:
-                self._server.on_inference_failed(answer.token, answer.error)
-            else:
-                self._server.on_proposal(answer.token, answer.inference, self._now())
+    def _on_answer(self, answer: InferenceAnswer) -> None:
+        self._last_answer = answer
+        if answer.inference is None:
+            self._server.on_inference_failed(answer.token, answer.error)
+        else:
+            self._server.on_proposal(answer.token, answer.inference, self._now())
 
     def publish_status(self, status: ServerStatus) -> None:
         """Publish a status, and log it."""

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from queue import SimpleQueue
-
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from cliport_core import topics
+from cliport_core.spin_queue import SpinQueue
 from cliport_core.workspace import WorkspaceSpec
 from demo_tool.ros_arm import RosArm
 from demo_tool.ros_camera import RosCamera
@@ -40,10 +38,9 @@ class RosLink(Node):
         base_frame = declare_base_frame(self, arm)
         workspace = WorkspaceSpec.load(path) if path else WorkspaceSpec()
         self.config = StationConfig(workspace, base_frame, BoxConfig(hand=arm.hand))
-        self._posted: SimpleQueue[Callable[[], None]] = SimpleQueue()
-        self._wake = self.create_guard_condition(self._do_posted)
-        self.arm = RosArm(self, base_frame, self._post)
-        self.policy = RosPolicy(self, base_frame, self._post)
+        self._queue = SpinQueue(self)
+        self.arm = RosArm(self, base_frame, self._queue.post)
+        self.policy = RosPolicy(self, base_frame, self._queue.post)
         self._station: Station | None = None
         self._camera: RosCamera | None = None
         self._ticks = 0
@@ -71,6 +68,7 @@ class RosLink(Node):
         return int(self.get_clock().now().nanoseconds)
 
     def _tick(self) -> None:
+        self._queue.run()
         if self._ticks % _LOOK_EVERY == 0:
             self.arm.look()
         if self._ticks % _ADAPT_EVERY == 0:
@@ -85,12 +83,3 @@ class RosLink(Node):
         """Use simulated time where a clock is published, so that it need not be set when the page is started."""
         if not self.get_parameter("use_sim_time").value and self.count_publishers(topics.CLOCK):
             self.set_parameters([Parameter("use_sim_time", value=True)])
-
-    def _post(self, act: Callable[[], None]) -> None:
-        """Call a function in the node's thread: rclpy's clients are not safe between threads."""
-        self._posted.put(act)
-        self._wake.trigger()
-
-    def _do_posted(self) -> None:
-        while not self._posted.empty():
-            self._posted.get()()

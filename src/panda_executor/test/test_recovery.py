@@ -154,8 +154,8 @@ def test_an_approval_is_of_one_plan() -> None:
 def test_an_approval_expires() -> None:
     now = iter(range(1000))
     approvals = Approvals(3.0, lambda: next(now))
+    approvals.offer("a")
     with pytest.raises(RequestError, match="was not approved within 3 s") as caught:
-        approvals.offer("a")
         approvals.wait("a", lambda: False)
     assert caught.value.refusal is Refusal.NOT_APPROVED
 
