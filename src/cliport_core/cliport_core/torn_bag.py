@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import sqlite3
 from collections.abc import Iterator
-from contextlib import closing, suppress
+from contextlib import closing
 from io import BytesIO
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
@@ -40,9 +40,20 @@ class TornMessage(NamedTuple):
 
 
 def whole_messages(path: Path) -> Iterator[TornMessage]:
-    """Yield what lies before the tear of an MCAP or SQLite (.db3) file, in the order in which it was written."""
-    with suppress(Exception):  # what is torn may also be garbled, and then ends there
+    """Yield what lies before the tear of an MCAP or SQLite (.db3) file, in the order in which it was written.
+
+    Raises:
+        OSError: when the file cannot be opened or read.
+        ImportError: when the package is missing that decompresses it: backports.zstd or lz4.
+    """
+    with path.open("rb"):  # SQLite does not say why it cannot open a file
+        pass
+    try:
         yield from _sqlite3_messages(path) if path.suffix == ".db3" else _mcap_messages(path)
+    except (ImportError, OSError):
+        raise
+    except Exception:  # what is torn may also be garbled, and then ends there
+        return
 
 
 def _mcap_messages(path: Path) -> Iterator[TornMessage]:

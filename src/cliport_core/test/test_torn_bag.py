@@ -95,6 +95,24 @@ def test_garbage_holds_nothing(tmp_path: Path, name: str) -> None:
     assert list(whole_messages(tmp_path / name)) == []
 
 
+@pytest.mark.parametrize("name", ["x.mcap", "x.db3"])
+def test_a_file_that_cannot_be_opened_says_so(tmp_path: Path, name: str) -> None:
+    """It is not torn: its messages may be whole."""
+    with pytest.raises(FileNotFoundError):
+        list(whole_messages(tmp_path / name))
+
+
+def test_a_package_that_is_missing_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def decompress(chunk: bytes) -> bytes:
+        raise ImportError("No module named 'backports'")
+
+    path = tmp_path / "compressed.mcap"
+    path.write_bytes(b"\x89MCAP0\r\n" + bytes([0x06]) + (4).to_bytes(8, "little") + bytes(4))
+    monkeypatch.setattr(torn_bag, "_chunk_records", decompress)
+    with pytest.raises(ImportError, match="backports"):
+        list(whole_messages(path))
+
+
 def test_tables_of_old_recorders_without_offers_are_read(tmp_path: Path) -> None:
     path = tmp_path / "old.db3"
     with sqlite3.connect(path) as database:

@@ -26,11 +26,13 @@ class Description:
 class ArmModel:
     """An arm of seven joints and its hand, as its driver names and bounds them.
 
+    prefix: with which the names of its links, frames and joints begin in its preset, whatever the driver calls some.
     torque: of each joint at most (7,) [N m]; ready: (7,) [rad], out of the camera's view, the hand pointing down.
     gripper_reports_full_width: True if the gripper's action, which takes half of the width, reports all of it.
     """
 
     name: str
+    prefix: str
     arm_joints: tuple[str, ...]
     finger_joints: tuple[str, ...]
     limits: JointLimits
@@ -50,8 +52,3 @@ class ArmModel:
     def joints(self) -> tuple[str, ...]:
         """Names of the arm's joints, then of the fingers'."""
         return (*self.arm_joints, *self.finger_joints)
-
-    @property
-    def prefix(self) -> str:
-        """The part with which the names of this arm's links, frames and joints begin."""
-        return self.base_frame.removesuffix("link0")

@@ -44,7 +44,7 @@ def load_description(arm: ArmModel, given: str = "") -> RobotDescription:
         notice = f"preset {arm.name} {named.notice}" if named.notice else ""
         return RobotDescription(urdf, srdf, (str(share),), named.prefix, notice)
     urdf = given if given.lstrip().startswith("<") else _text(Path(given))
-    for frame in (arm.base_frame, arm.hand_frame, arm.tcp_frame):
+    for frame in (f"{arm.prefix}link0", arm.hand_frame, arm.tcp_frame):
         if f'"{frame}"' not in urdf:
             raise DescriptionError(
                 f"robot_description has no link '{frame}', which preset '{arm.name}' names; "

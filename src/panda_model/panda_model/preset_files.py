@@ -41,7 +41,7 @@ def load_preset(name: str = DEFAULT_PRESET) -> ArmModel:
 
 
 def _arm(name: str, content: dict[str, Any], path: Path) -> ArmModel:
-    keys = [f.name for f in fields(ArmModel) if f.name != "name" and not f.name.endswith("_frame")]
+    keys = [f.name for f in fields(ArmModel) if f.name not in ("name", "prefix") and not f.name.endswith("_frame")]
     _check_keys(content, [*keys, "frames"], str(path))
     frames = _mapping(content, "frames", _FRAMES, path)
     limits = _mapping(content, "limits", [f.name for f in fields(JointLimits)], path)
@@ -51,9 +51,10 @@ def _arm(name: str, content: dict[str, Any], path: Path) -> ArmModel:
         raise PresetError(f"{path}: gripper_reports_full_width must be true or false, got {full!r}")
     return ArmModel(
         name=name,
+        prefix=str(frames["flange"]).removesuffix("link8"),  # the base may have a name of its own
         arm_joints=_names(content, "arm_joints", ARM_DOF, path),
         finger_joints=_names(content, "finger_joints", 2, path),
-        limits=JointLimits(**{key: _seven(limits, key, path) for key in limits}),
+        limits=_limits(limits, path),
         torque=_seven(content, "torque", path),
         ready=_seven(content, "ready", path),
         **{f"{key}_frame": str(frames[key]) for key in _FRAMES},
@@ -63,6 +64,16 @@ def _arm(name: str, content: dict[str, Any], path: Path) -> ArmModel:
         description=Description(**{key: str(value) for key, value in description.items()}),
         hand=_hand(content["hand"], path),
     )
+
+
+def _limits(content: dict[str, Any], path: Path) -> JointLimits:
+    limits = JointLimits(**{key: _seven(content, key, path) for key in content})
+    if (limits.lower >= limits.upper).any():
+        raise PresetError(f"{path}: limits: each of lower must be less than that of upper")
+    for key in ("velocity", "acceleration", "jerk"):
+        if (getattr(limits, key) <= 0.0).any():
+            raise PresetError(f"{path}: limits: {key} must be positive, got {content[key]!r}")
+    return limits
 
 
 def _hand(value: Any, path: Path) -> HandModel:
@@ -109,7 +120,7 @@ def _mapping(content: dict[str, Any], key: str, keys: list[str] | tuple[str, ...
 
 def _names(content: dict[str, Any], key: str, count: int, path: Path) -> tuple[str, ...]:
     value = content[key]
-    if not isinstance(value, list) or len(set(map(str, value))) != count:
+    if not isinstance(value, list) or len(value) != count or len(set(map(str, value))) != count:
         raise PresetError(f"{path}: {key} must be {count} different names, got {value!r}")
     return tuple(map(str, value))
 

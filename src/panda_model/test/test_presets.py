@@ -100,6 +100,7 @@ def test_the_users_own_file(content: dict[str, Any], tmp_path: Path) -> None:
     path.write_text(yaml.safe_dump(content))
     arm = load_preset(str(path))
     assert (arm.name, arm.hand.opening, arm.base_frame) == ("mine", 0.1, "panda_base")
+    assert arm.prefix == "panda_"
     np.testing.assert_array_equal(arm.limits.lower, load_preset().limits.lower)
 
 
@@ -117,6 +118,10 @@ def test_an_unknown_preset_names_the_known() -> None:
         ("limits.jerk", None, "limits: keys missing jerk"),
         ("colour", "white", "keys unknown colour"),
         ("arm_joints", ["a"] * 7, "arm_joints must be 7 different names"),
+        ("arm_joints", list("abcdefgg"), "arm_joints must be 7 different names"),
+        ("limits.lower", [3.0] * 7, "limits: each of lower must be less than that of upper"),
+        ("limits.velocity", [1.0] * 6 + [0.0], "limits: velocity must be positive, got .*0.0"),
+        ("limits.jerk", [-1.0] * 7, "limits: jerk must be positive"),
         ("frames", "panda", "frames must be a mapping of base, flange, hand, tcp"),
         ("gripper_reports_full_width", "yes", "must be true or false, got 'yes'"),
         ("hand", "robotiq", "unknown hand 'robotiq'; known are franka_hand"),
