@@ -22,8 +22,8 @@ class GuardConfig:
     """Settings of the guard; times [s] of a steady clock unless they say otherwise.
 
     silence: the longest between two signs of work done while the arm moves; joint_silence: between two joint states;
-    max_age, max_ahead: of a joint state's stamp [s, ROS time]; moving: change of a joint between two states from which
-    on the arm moves [rad]; still_for: without such a change it stands still; repeat: between two cancels of one fault.
+    max_age, max_ahead: of a joint state's stamp [s, ROS time]; moving: the arm moves while a joint goes at least so far
+    [rad, m] within still_for; repeat: between two cancels of one fault.
     """
 
     silence: float = 0.2
@@ -39,10 +39,15 @@ class Guard:
     """Decides when to cancel everything. Silence is counted in ticks, so that its own pauses blame nobody.
 
     `tick` is to be called every `period` s by the thread that also delivers what is heard.
+
+    Args:
+        arm_joints: all of these must be heard of for the joint states to go on; empty: any message will do.
     """
 
-    def __init__(self, config: GuardConfig | None = None, period: float = 0.02) -> None:
+    def __init__(self, config: GuardConfig | None = None, period: float = 0.02, arm_joints: Sequence[str] = ()) -> None:
         self.config, self._period = config or GuardConfig(), period
+        self._arm_joints = frozenset(arm_joints)
+        self._awaited = set(self._arm_joints)  # not heard of since the joint states last counted as whole
         self._last_tick: float | None = None
         self._since_beat = math.inf
         self._since_joints = math.inf
@@ -58,11 +63,18 @@ class Guard:
 
     def on_joints(self, names: Sequence[str], positions: Sequence[float], age: float) -> None:
         """Note a joint state: positions [rad, m] by name, and the age of its stamp [s]."""
-        changes = [abs(p - self._positions[n]) for n, p in zip(names, positions) if n in self._positions]
-        if changes and max(changes) > self.config.moving:
-            self._since_motion = 0.0
-        self._positions.update(zip(names, positions))
-        self._since_joints, self._age = 0.0, age
+        for name, position in zip(names, positions):
+            if not math.isfinite(position):
+                continue
+            self._awaited.discard(name)
+            # Compared with where it last counted as moving: from one message to the next a fast driver's joint hardly
+            # changes at any speed.
+            if abs(position - self._positions.setdefault(name, position)) > self.config.moving:
+                self._positions[name] = position
+                self._since_motion = 0.0
+        if not self._awaited:
+            self._awaited = set(self._arm_joints)
+            self._since_joints, self._age = 0.0, age
 
     @property
     def moving(self) -> bool:

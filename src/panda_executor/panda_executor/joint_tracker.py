@@ -14,6 +14,7 @@ from panda_model.limits import FloatArray
 
 _STILL_SPEED = 0.02  # a joint slower than this stands still [rad/s]
 _STILL_SPAN_NS = 80_000_000  # over which that is measured
+_REORDERED_NS = 200_000_000  # a joint's position that is older by more was stamped by a clock that was set back
 
 
 class JointTracker:
@@ -39,10 +40,27 @@ class JointTracker:
         """Take note of a message: positions [rad, m] by name, and its stamp; what is not finite says nothing."""
         with self._lock:
             for name, position in zip(names, positions):
-                if math.isfinite(position) and (name in self._arm_joints or name in self._finger_joints):
+                known = name in self._arm_joints or name in self._finger_joints
+                if known and math.isfinite(position) and not self._is_overtaken(name, stamp_ns):
                     self._seen[name] = (float(position), stamp_ns)
-            if all(name in self._seen for name in self._arm_joints):
-                self._note(np.array([self._seen[name][0] for name in self._arm_joints]), stamp_ns)
+            oldest_ns = self._arm_stamp_ns()
+            if oldest_ns is not None:
+                self._note(np.array([self._seen[name][0] for name in self._arm_joints]), oldest_ns)
+
+    def _is_overtaken(self, name: str, stamp_ns: int) -> bool:
+        """Return True if a newer position of the joint came before this one."""
+        return name in self._seen and 0 < self._seen[name][1] - stamp_ns <= _REORDERED_NS
+
+    def _arm_stamp_ns(self) -> int | None:
+        """Return the oldest of the arm joints' stamps; None before each was seen."""
+        if any(name not in self._seen for name in self._arm_joints):
+            return None
+        return min(self._seen[name][1] for name in self._arm_joints)
+
+    def arm_stamp_ns(self) -> int | None:
+        """Return the stamp of what is known of the arm: its oldest joint's; None before each was seen."""
+        with self._lock:
+            return self._arm_stamp_ns()
 
     def _note(self, arm: FloatArray, stamp_ns: int) -> None:
         if not self._track or not np.array_equal(arm, self._track[-1][1]):
@@ -69,7 +87,7 @@ class JointTracker:
             return float("inf") if self._changed_ns is None else (now_ns - self._changed_ns) * 1e-9
 
     def distrust(self) -> None:
-        """Believe no standstill until the positions change: they did not when they should have."""
+        """Believe no standstill until the positions change: they stayed the same during a motion."""
         with self._lock:
             self._distrusted = True
 

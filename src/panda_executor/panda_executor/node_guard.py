@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from dataclasses import replace
+from typing import Any
 
 from action_msgs.srv import CancelGoal
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
@@ -21,28 +21,30 @@ from cliport_core.ros_running import run_node
 from panda_executor.action_call import cancel_service
 from panda_executor.errors import ExecutorError
 from panda_executor.guard import Fault, Guard, GuardConfig
+from panda_executor.parameter_checks import not_negative, positive
 from panda_model.ros_parameters import declare_robot
 
 _PERIOD = 0.02  # [s]
 
 
 class GuardNode(Node):
-    """The node: it feeds a `Guard` with what it hears, and cancels when that one says so."""
+    """The node: it feeds a `Guard` with what it hears, and cancels when that one says so.
 
-    def __init__(self) -> None:
-        super().__init__("panda_guard")
+    Raises:
+        ExecutorError, CoreError: when a parameter cannot be used.
+    """
+
+    def __init__(self, **options: Any) -> None:
+        """Begin to watch. options: of rclpy's Node."""
+        super().__init__("panda_guard", **options)
         robot = declare_robot(self)
         names = {}
         for name in ("arm_action", "gripper_action"):
             names[name] = str(self.declare_parameter(name, "").value) or getattr(robot, name)
-        config = GuardConfig()
-        silences = {}
-        for name in ("silence", "joint_silence"):
-            silences[name] = float(self.declare_parameter(name, getattr(config, name)).value or 0.0)
-            if not silences[name] > 0.0:
-                raise ExecutorError(f"{name} must be positive, got {silences[name]:g}")
-        self._guard = Guard(replace(config, **silences), _PERIOD)
-        self._cancels = [self.create_client(CancelGoal, cancel_service(name)) for name in names.values()]
+        arm_joints = [str(name) for name in self.declare_parameter("arm_joints", list(robot.arm_joints)).value or ()]
+        self._guard = Guard(self._read_config(), _PERIOD, arm_joints)
+        services = [cancel_service(name) for name in names.values()]
+        self._cancels = {service: self.create_client(CancelGoal, service) for service in services}
         self.create_subscription(Empty, topics.HEARTBEAT, lambda _: self._guard.on_heartbeat(), 10)
         self.create_subscription(JointState, topics.JOINT_STATES, self._on_joints, qos_profile_sensor_data)
         self._diagnostics = self.create_publisher(DiagnosticArray, topics.DIAGNOSTICS, 10)
@@ -50,6 +52,20 @@ class GuardNode(Node):
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(_PERIOD, self._tick, clock=steady)
         self.create_timer(1.0, self._report, clock=steady)
+
+    def _read_config(self) -> GuardConfig:
+        """Declare and read the limits. Raises ExecutorError on a value out of range."""
+        config = GuardConfig()
+
+        def get(name: str, default: float) -> Any:
+            return self.declare_parameter(name, default).value
+
+        return GuardConfig(
+            silence=positive(get, "silence", config.silence),
+            joint_silence=positive(get, "joint_silence", config.joint_silence),
+            max_age=positive(get, "max_joint_age", config.max_age),
+            max_ahead=not_negative(get, "max_ahead", config.max_ahead),
+        )
 
     def _on_joints(self, message: JointState) -> None:
         age = (self.get_clock().now().nanoseconds - stamp_from_msg(message.header.stamp)) * 1e-9
@@ -60,10 +76,16 @@ class GuardNode(Node):
         if fault is None:
             return
         self._last = fault
-        self.get_logger().error(f"{fault.value}: all goals are cancelled at the controllers")
-        for client in self._cancels:
+        missing = []
+        for service, client in self._cancels.items():
             if client.service_is_ready():
                 client.call_async(CancelGoal.Request())  # a zero id and stamp: every goal
+            else:
+                missing.append(service)
+        words = "all goals are cancelled at the controllers"
+        if missing:
+            words = f"cannot cancel at {', '.join(missing)}: no such service; use the arm's own stop"
+        self.get_logger().error(f"{fault.value}: {words}")
 
     def _report(self) -> None:
         words = "watching" if self._last is None else f"last cancelled everything because {self._last.value}"

@@ -36,16 +36,20 @@ class HandFrameNode(Node):
         given = str(self.declare_parameter("robot_description", "").value)
         self._model = PandaModel(robot, description=load_description(robot, given))
         self._joints = JointTracker(robot.arm_joints, robot.finger_joints)
+        self._published_ns: int | None = None
         self._transforms = self.create_publisher(TFMessage, topics.TF, 10)
         self.create_subscription(JointState, topics.JOINT_STATES, self._on_joints, qos_profile_sensor_data)
 
     def _on_joints(self, message: JointState) -> None:
-        stamp_ns = stamp_from_msg(message.header.stamp)
-        self._joints.update(message.name, message.position, stamp_ns)
+        self._joints.update(message.name, message.position, stamp_from_msg(message.header.stamp))
+        stamp_ns = self._joints.arm_stamp_ns()
+        if stamp_ns is None or stamp_ns == self._published_ns:
+            return  # a message of other joints
         try:
             positions = self._joints.arm_positions(stamp_ns)
         except PortError:
-            return  # a message of other joints
+            return  # of joints that were stamped far apart
+        self._published_ns = stamp_ns
         tcp_in_base = self._model.tcp_pose(positions)
         link = TransformStamped(child_frame_id=self._tcp_frame, transform=pose_to_transform_msg(tcp_in_base))
         link.header.frame_id = self._base_frame

@@ -48,6 +48,31 @@ def test_the_tcp_is_where_the_joints_put_it() -> None:
     rclpy.try_shutdown()
 
 
+def test_the_hands_own_messages_are_no_news_of_the_arm(monkeypatch: pytest.MonkeyPatch) -> None:
+    arm = load_preset()
+    rclpy.init(domain_id=next_domain())
+    node = HandFrameNode()
+    sent: list[int] = []
+
+    def publish(message: TFMessage) -> None:
+        sent.append(messages.stamp_from_msg(message.transforms[0].header.stamp))
+
+    monkeypatch.setattr(node._transforms, "publish", publish)
+
+    def hear(names: tuple[str, ...], positions: list[float], stamp_ns: int) -> None:
+        message = JointState(name=list(names), position=positions)
+        message.header.stamp = messages.stamp_to_msg(stamp_ns)
+        node._on_joints(message)
+
+    hear(arm.arm_joints, [float(v) for v in arm.ready], 7_000_000_000)
+    hear(arm.finger_joints, [0.02, 0.02], 7_300_000_000)
+    assert sent == [7_000_000_000]
+    hear(arm.arm_joints, [float(v) for v in arm.ready], 7_400_000_000)
+    assert sent == [7_000_000_000, 7_400_000_000]
+    node.destroy_node()
+    rclpy.try_shutdown()
+
+
 def test_an_unknown_robot_ends_in_one_line(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["--ros-args", "-p", "robot:=puma"]) == 1
     assert capsys.readouterr().err.startswith("error: unknown robot 'puma'")

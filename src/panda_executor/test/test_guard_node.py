@@ -1,0 +1,52 @@
+"""The guard's node: its limits, and what it says of a cancel that nobody takes."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator
+
+import pytest
+import rclpy
+from rclpy.parameter import Parameter
+from ros_domain import next_domain
+
+from panda_executor.errors import ExecutorError
+from panda_executor.guard import Fault
+from panda_executor.node_guard import GuardNode
+
+
+@pytest.fixture
+def ros() -> Iterator[None]:
+    rclpy.init(domain_id=next_domain())
+    yield
+    rclpy.try_shutdown()
+
+
+def test_it_says_which_cancel_it_cannot_send(ros: None, monkeypatch: pytest.MonkeyPatch) -> None:
+    node = GuardNode()
+    said: list[str] = []
+    logger = logging.getLogger("guard")
+    monkeypatch.setattr(logger, "error", said.append)
+    monkeypatch.setattr(node, "get_logger", lambda: logger)
+    monkeypatch.setattr(node._guard, "tick", lambda now: Fault.EXECUTOR_SILENT)
+    node._tick()
+    services = (
+        "/panda_arm_controller/follow_joint_trajectory/_action/cancel_goal, /panda_gripper/gripper_action/_action"
+    )
+    assert said == [
+        f"the executor gives no sign of work done: cannot cancel at {services}/cancel_goal: no such service; "
+        "use the arm's own stop"
+    ]
+    node.destroy_node()
+
+
+def test_its_limits_are_parameters(ros: None) -> None:
+    settings = {"silence": 1.0, "joint_silence": 2.0, "max_joint_age": 3.0, "max_ahead": 0.5, "arm_joints": ["a", "b"]}
+    node = GuardNode(parameter_overrides=[Parameter(name, value=value) for name, value in settings.items()])
+    config = node._guard.config
+    assert (config.silence, config.joint_silence, config.max_age, config.max_ahead) == (1.0, 2.0, 3.0, 0.5)
+    node._guard.on_joints(("a", "b"), (0.0, 0.0), 2.5)
+    assert node._guard._age == 2.5
+    node.destroy_node()
+    with pytest.raises(ExecutorError, match="silence must be finite, got inf"):
+        GuardNode(parameter_overrides=[Parameter("silence", value=float("inf"))])
