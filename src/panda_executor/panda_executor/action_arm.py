@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 from control_msgs.action import FollowJointTrajectory
 
-from panda_executor.action_call import ActionCaller, ActionEnd
+from panda_executor.action_call import TIME_FACTOR, TIME_SPARE, ActionCaller, ActionEnd
 from panda_executor.arm_watch import ArmWatch
 from panda_executor.conversions import motion_message, trajectory_goal_to_msg
 from panda_executor.errors import PortError
@@ -21,7 +21,7 @@ _POLL = 0.01  # between two looks at the joint states [s]
 
 
 class ActionArm:
-    """ArmPort over a controller. A motion may take 1.2 times its duration and 1.5 s, in ROS time.
+    """ArmPort over a controller. A motion may take TIME_FACTOR times its duration, goal_time and TIME_SPARE (ROS time).
 
     Args:
         on_motion: called before a goal is sent: from then on the arm counts as moving until it is measured at rest.
@@ -55,25 +55,35 @@ class ActionArm:
         goal = trajectory_goal_to_msg(
             trajectory, self._names, watch.path_tolerance, watch.goal_tolerance, watch.goal_time
         )
-        began_ns = self._now_ns()
+        began_ns: int | None = None  # when the controller took the goal: until then the arm rests
+
+        def begin() -> None:
+            nonlocal began_ns
+            began_ns = self._now_ns()
 
         def stop() -> bool:
             now_ns = self._now_ns()
             self._joints.arm_positions(now_ns)
-            self._check_alive(trajectory, began_ns, now_ns)
+            if began_ns is not None:
+                self._check_alive(trajectory, began_ns, now_ns)
             return should_stop()
 
         self._on_motion()
-        end = self._caller.call(goal, 1.2 * trajectory.duration + watch.goal_time + 0.5, stop)
+        timeout = TIME_FACTOR * trajectory.duration + watch.goal_time + TIME_SPARE
+        try:
+            end = self._caller.call(goal, timeout, stop, begin)
+        except PortError:
+            self._come_to_rest()  # the goal is cancelled; everything is, where the arm is not seen to rest then
+            raise
         return self._judged(end, self._come_to_rest())
 
     def _check_alive(self, trajectory: JointTrajectory, began_ns: int, now_ns: int) -> None:
         """Raise PortError when the joint states stay the same although the path goes on."""
         watch = self._watch
-        unchanged = self._joints.unchanged(now_ns)
+        passed = (now_ns - began_ns) * 1e-9
+        unchanged = min(self._joints.unchanged(now_ns), passed)
         if unchanged < watch.frozen:
             return
-        passed = (now_ns - began_ns) * 1e-9
         positions = trajectory.sample(np.array([max(passed - unchanged, 0.0), passed - watch.frozen / 2.0]))[0]
         if passed < trajectory.duration and float(np.abs(positions[1] - positions[0]).max()) > watch.frozen_way:
             self._joints.distrust()

@@ -22,6 +22,8 @@ _POLL = 0.01  # between two looks at should_stop [s]
 _ANSWER_TIME = 3.0  # for the server's answer to a goal, wall clock [s]
 _CANCEL_TIME = 1.0  # for a cancelled goal's end, wall clock [s]
 _STANDSTILL = 5.0  # ROS time that does not move for so long, wall clock, will not move again [s]
+TIME_FACTOR = 1.2  # a motion may take so much longer than planned, and
+TIME_SPARE = 0.5  # this on top [s]
 _CHECK_SERVER = 0.25  # between two looks for the server, wall clock [s]
 
 
@@ -63,11 +65,14 @@ class ActionCaller:
         """Cancel every goal at the server, whoever sent it; does not wait for the answer."""
         self._post(lambda: self._cancel_service.call_async(CancelGoal.Request()))
 
-    def call(self, goal: Any, timeout: float, should_stop: ShouldStop) -> ActionEnd:
+    def call(
+        self, goal: Any, timeout: float, should_stop: ShouldStop, on_accepted: Callable[[], None] = lambda: None
+    ) -> ActionEnd:
         """Send a goal and wait for its end. Whatever ends the wait, the goal is over or cancelled when this returns.
 
         Args:
             timeout: of the motion, in ROS time [s]. A clock that stands still ends the wait, too.
+            on_accepted: called once the server has taken the goal.
 
         Raises:
             Exception: what should_stop raises, once the goal is cancelled.
@@ -80,11 +85,15 @@ class ActionCaller:
         mine = OwnedGoal(self._client, goal, self._post)
         confirmed = True
         try:
-            cause = self._accepted(mine, should_stop) or self._watch(mine, timeout, should_stop)
+            cause = self._accepted(mine, should_stop)
+            if cause is None:
+                on_accepted()
+                cause = self._watch(mine, timeout, should_stop)
         finally:
             if not mine.ended.is_set():
                 confirmed = self._withdraw(mine)
-            self._pulse.end()
+            if confirmed:  # else the goal may still be executed, and nobody watches it: the heartbeat has to end
+                self._pulse.end()
         if cause is None:
             return self._ended(mine)
         if not confirmed:
@@ -136,8 +145,7 @@ class ActionCaller:
             cancel()
             deadline = time.monotonic() + _CANCEL_TIME
             while time.monotonic() < deadline:
-                self._pulse.beat()
-                if mine.ended.wait(_POLL):
+                if mine.ended.wait(_POLL):  # no beat: whoever hears none cancels from outside, which is wanted here
                     return True
         return False
 

@@ -36,7 +36,9 @@ class OwnedGoal:
         self._post(self._cancel)
 
     def _send(self) -> None:
-        if self._unwanted:
+        if self._unwanted:  # given up before it was sent: it is over, and there is nothing to cancel
+            self.accepted = False
+            self.ended.set()
             return
         self._client.send_goal_async(self._message).add_done_callback(self._on_response)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-from panda_executor.action_call import ActionCaller
+from panda_executor.action_call import TIME_FACTOR, TIME_SPARE, ActionCaller
 from panda_executor.conversions import gripper_goal_to_msg
 from panda_executor.errors import PortError
 from panda_executor.joint_tracker import JointTracker
@@ -42,7 +42,7 @@ class ActionGripper:
         """Move to a full width [m]; being stopped by an object counts as done."""
         self._halt = False
         goal = gripper_goal_to_msg(width, max_effort)
-        end = self._caller.call(goal, 1.2 * _MOVE_TIME + 0.5, lambda: self._halt or should_stop())
+        end = self._caller.call(goal, TIME_FACTOR * _MOVE_TIME + TIME_SPARE, lambda: self._halt or should_stop())
         if end.result is None:
             return GripperResult(float("nan"), False, False, end.status, end.message)
         reported = self._factor * float(end.result.position)

@@ -40,7 +40,10 @@ class Gate:
         if self._busy:
             return "another goal is being executed"
         if self._moving and not self._at_rest():
-            return "the arm was not seen to stand still since its last motion; are its joint states coming in?"
+            return (
+                "the arm was not seen to stand still since its last motion; are its joint states coming in, and do "
+                "they change when it is moved by hand?"
+            )
         self._moving = False
         return None
 

@@ -1,4 +1,4 @@
-"""Looks at what is owned: whether somebody still watches a motion."""
+"""The condition of the executor's heartbeat: a goal that runs is being watched, and its callbacks are delivered."""
 
 from __future__ import annotations
 
@@ -6,32 +6,41 @@ from collections.abc import Callable
 
 
 class WorkPulse:
-    """Tells whether what is owned is being watched: alive while nothing runs, or while looks at it go on.
+    """Tells whether a goal that runs is being watched; alive while none runs.
 
-    A thread that only lives says nothing about the one that watches a motion. Safe between threads.
+    The thread of the heartbeat says nothing about the one that watches a motion, nor about the one that spins the node:
+    both tell this. Safe between threads.
 
     Args:
-        clock: steady time [s]; longest: between two looks [s].
+        clock: steady time [s]; longest: between two looks at the goal, and two turns of the spinning thread [s].
     """
 
     def __init__(self, clock: Callable[[], float], longest: float) -> None:
         self._clock, self._longest = clock, longest
-        self._running = 0
+        self._running = False
         self._last = clock()
+        self._last_turn: float | None = None
 
     def begin(self) -> None:
         """Note that something runs from now on."""
         self._last = self._clock()
-        self._running += 1
+        self._running = True
 
     def beat(self) -> None:
         """Note a look at what runs."""
         self._last = self._clock()
 
     def end(self) -> None:
-        """Note that it is over."""
-        self._running -= 1
+        """Note that it is known to be over."""
+        self._running = False
+
+    def turn(self) -> None:
+        """Note that the thread that delivers callbacks goes round; it is watched from the first call on."""
+        self._last_turn = self._clock()
 
     def is_alive(self) -> bool:
-        """Return True unless something runs that nobody has looked at for too long."""
-        return self._running == 0 or self._clock() - self._last <= self._longest
+        """Return False where something runs that nobody has looked at, or whose end nobody can hear, for too long."""
+        if not self._running:
+            return True
+        now, turned = self._clock(), self._last_turn
+        return now - self._last <= self._longest and (turned is None or now - turned <= self._longest)

@@ -34,9 +34,11 @@ def one_second(way: float) -> JointTrajectory:
 class Bench:
     """A controller that follows, told by `measure` what the joint states say at each time."""
 
-    def __init__(self, measure: Callable[[float], float | None], watch: ArmWatch | None = None) -> None:
-        self.now_ns, self.measure = 0, measure
-        self.cancelled_all = 0
+    def __init__(
+        self, measure: Callable[[float], float | None], watch: ArmWatch | None = None, takes_it_after: float = 0.0
+    ) -> None:
+        self.now_ns, self.measure, self.answers_ns = 0, measure, int(takes_it_after * S)
+        self.cancelled_all, self.ended_ns = 0, 0
         self.goal: Any = None
         self.joints = JointTracker(PANDA.arm_joints, PANDA.finger_joints)
         self.motions = 0
@@ -56,12 +58,20 @@ class Bench:
     def cancel_all(self) -> None:
         self.cancelled_all += 1
 
-    def call(self, goal: Any, timeout: float, should_stop: Callable[[], bool]) -> ActionEnd:
+    def call(
+        self, goal: Any, timeout: float, should_stop: Callable[[], bool], on_accepted: Callable[[], None]
+    ) -> ActionEnd:
         """The caller."""
-        self.goal, end = goal, self.now_ns + S
-        while self.now_ns < end:
-            if should_stop():
-                return ActionEnd(MotionStatus.CANCELLED, message="stopped on request")
+        self.goal, answered = goal, self.now_ns + self.answers_ns
+        try:
+            while self.now_ns < answered:
+                assert not should_stop()
+            on_accepted()
+            end = self.now_ns + S
+            while self.now_ns < end:
+                assert not should_stop()
+        finally:
+            self.ended_ns = self.now_ns
         return ActionEnd(MotionStatus.SUCCEEDED, FollowJointTrajectory.Result())
 
     def execute(self, way: float = 0.5) -> MotionResult:
@@ -100,18 +110,37 @@ def test_an_arm_that_goes_on_is_not_said_to_hold() -> None:
 
 
 def test_joint_states_that_end_on_the_way_stop_the_arm() -> None:
-    bench = Bench(lambda time: following(time) if time < 0.3 else None)
+    bench = Bench(lambda time: following(time) if time < 0.3 else None, ArmWatch(standstill_time=0.02))
     with pytest.raises(PortError, match=r"s old|have been the same"):
         bench.execute()
-    assert bench.now_ns < 0.9 * S
+    assert bench.ended_ns < 0.9 * S
 
 
 def test_joint_states_that_are_stamped_anew_stop_the_arm() -> None:
-    bench = Bench(lambda time: following(min(time, 0.3)))
+    bench = Bench(lambda time: following(min(time, 0.3)), ArmWatch(standstill_time=0.02))
     with pytest.raises(PortError, match="have been the same for"):
         bench.execute()
-    assert bench.now_ns < 0.8 * S
+    assert bench.ended_ns < 0.8 * S
     assert not bench.joints.is_still(bench.now_ns)
+
+
+def test_a_controller_that_takes_the_goal_late_is_not_taken_for_frozen_joint_states() -> None:
+    """An arm at rest whose states are the same to the last bit, as with mock hardware."""
+    bench = Bench(lambda time: following(max(time - 1.0, 0.0)), takes_it_after=1.0)
+    assert bench.execute() == MotionResult(MotionStatus.SUCCEEDED, "", standing=True)
+
+
+def test_the_rest_before_a_motion_does_not_count_as_frozen() -> None:
+    bench = Bench(lambda time: 0.0, watch=ArmWatch(standstill_time=0.02), takes_it_after=30.0)
+    with pytest.raises(PortError, match=r"have been the same for 0\.\d s of a motion"):
+        bench.execute()
+
+
+def test_everything_is_cancelled_where_the_arm_is_not_seen_to_rest_after_an_error() -> None:
+    bench = Bench(lambda time: following(time) if time < 0.3 else None, ArmWatch(standstill_time=0.02))
+    with pytest.raises(PortError):
+        bench.execute()
+    assert bench.cancelled_all == 1
 
 
 def test_an_end_off_the_goal_is_told_from_an_abort(monkeypatch: pytest.MonkeyPatch) -> None:

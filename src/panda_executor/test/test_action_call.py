@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any
@@ -20,6 +21,7 @@ from panda_executor import action_call
 from panda_executor.action_call import ActionCaller, ActionEnd
 from panda_executor.errors import PortError
 from panda_executor.ports import MotionStatus
+from panda_executor.work_pulse import WorkPulse
 
 GUARD = 20.0  # s, after which a test gives up; nothing is measured by it
 NAME = "/arm/follow"
@@ -69,7 +71,8 @@ class Bench:
         rclpy.init(domain_id=next_domain())
         self.node, group = Node("tester"), ReentrantCallbackGroup()
         self.arm = Arm(self.node, group)
-        self.caller = ActionCaller(self.node, FollowJointTrajectory, NAME, group)
+        self.pulse = WorkPulse(time.monotonic, 0.0)  # alive while nothing runs
+        self.caller = ActionCaller(self.node, FollowJointTrajectory, NAME, group, self.pulse)
         self._executor = MultiThreadedExecutor(num_threads=4)
         self._executor.add_node(self.node)
         self._spinning = threading.Thread(target=self._executor.spin)
@@ -117,6 +120,7 @@ def test_a_stop_on_the_way_sends_a_cancel(bench: Bench) -> None:
     assert bench.arm.cancelled.wait(GUARD), "the arm would move on"
     end = call.result(GUARD)
     assert (end.status, end.message) == (MotionStatus.CANCELLED, "stopped on request")
+    assert bench.pulse.is_alive()
 
 
 def test_a_motion_that_takes_too_long_is_cancelled(bench: Bench) -> None:
@@ -178,6 +182,7 @@ def test_a_cancel_that_is_not_confirmed_is_said(bench: Bench, monkeypatch: pytes
     stop.set()
     end = call.result(GUARD)
     assert (end.confirmed, end.message) == (False, "stopped on request; the cancel was not confirmed")
+    assert not bench.pulse.is_alive(), "the guard would not hear that nobody watches the goal"
     bench.arm.heeds_cancel = True
 
 
