@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, partial
+from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -13,11 +14,12 @@ from cliport_core.action import ActionGoal, Primitive
 from cliport_core.outcome import ActionResult, Outcome
 from cliport_core.workspace import WorkspaceSpec
 from panda_executor.config import AfterFailure
-from panda_executor.drag import plan_drag
+from panda_executor.drag import plan_drag, renewed_drag
 from panda_executor.errors import ExecutorError, GraspError, PlanningError, RequestError
 from panda_executor.hand_geometry import HandShape
 from panda_executor.motions import Motion
 from panda_executor.object_moved import vacated_share
+from panda_executor.obstacle_grid import ObstacleGrid
 from panda_executor.phase import Phase
 from panda_executor.request_check import check_cloud, check_poses, check_positions, check_reach, check_table
 from panda_executor.run_commands import EarlyEnd, LoadLost, RunCommands
@@ -28,6 +30,8 @@ from panda_model.limits import FloatArray
 Cloud = npt.NDArray[np.float32]
 CloudSource = Callable[[], Cloud]
 Look = Callable[[], Cloud | None]  # the newest cloud, None where none came since the last one
+P = TypeVar("P")
+Renew = Callable[[P, Cloud, WorkspaceSpec, FloatArray], P]  # checks a plan in a newer cloud, the arm at (7,) [rad]
 
 
 class ActionRun:
@@ -47,7 +51,7 @@ class ActionRun:
         self._goal, self._action = goal, goal.action
         self._cloud_source, self._workspace = cloud_source, workspace
         self._centroid: FloatArray | None = None
-        self._loaded: HandShape | None = None  # the hand with what it is to hold
+        self._seen_at: FloatArray | None = None  # where the arm stood before its own camera (7,) [rad]; None: as now
         self._recovering = False
 
     def result(self) -> ActionResult:
@@ -88,14 +92,19 @@ class ActionRun:
         except EarlyEnd as end:
             return self._recovered(end)
         except RequestError as error:
+            if self._commands.should_stop():  # it ended a wait for what the request lacks
+                return self._end(Outcome.CANCELLED, f"cancelled; {self._what_moved()}: {error}")
             ended = self._end(Outcome.REJECTED, str(error))
             return replace(ended, refusal=error.refusal, refusal_value=error.value, refusal_limit=error.limit)
         except (GraspError, PlanningError) as error:
             if self._commands.should_stop():
-                return self._end(Outcome.CANCELLED, "cancelled during planning; nothing moved")
+                return self._end(Outcome.CANCELLED, f"cancelled during planning; {self._what_moved()}")
             return self._end(Outcome.PLANNING_FAILED, str(error))
         except ExecutorError as error:
             return self._end(Outcome.EXECUTION_FAILED, str(error))
+
+    def _what_moved(self) -> str:
+        return "the arm holds" if self._commands.moved else "nothing moved"
 
     def _recovered(self, end: EarlyEnd) -> ActionResult:
         """Return how a run ended that a failure cut short, after the arm went back where it is to."""
@@ -107,7 +116,7 @@ class ActionRun:
                 self._commands.move_fingers(self._config.hand.opening, self._config.open_force)
             self._go_back()
         except EarlyEnd as second:
-            outcome = second.outcome if second.outcome is Outcome.CANCELLED else end.outcome
+            outcome = end.outcome if second.may_recover else second.outcome
             return self._end(outcome, f"{end}; the arm did not get back: {second}")
         except ExecutorError as error:
             return self._end(end.outcome, f"{end}; the arm stays where it is: {error}")
@@ -116,16 +125,19 @@ class ActionRun:
     def _go_back(self) -> None:
         self._recovering = True
         self._commands.enter(Phase.RECOVERING)
-        hand = HandShape(self._config.hand)
-        if self._loaded is not None and not self._commands.is_empty():
-            hand = self._loaded
+        hand = self._commands.hand_shape()
         start = self._commands.positions()
-        grid = self._planner.grid(self._cloud, self._workspace, start)
+        grid = self._grid(start)
         up = self._planner.upward(start, grid, hand)
         if up is not None:
             self._commands.move(up)
         here = self._commands.positions()
         self._commands.move(replace(self._planner.homeward(here, grid, hand), phase=Phase.RECOVERING))
+
+    def _grid(self, here: FloatArray) -> ObstacleGrid:
+        """Return what the cloud shows beside the arm, which is now at `here` (7,) [rad]."""
+        seen_at = here if self._seen_at is None else self._seen_at
+        return self._planner.grid(self._cloud, self._workspace, seen_at)
 
     def _end(self, outcome: Outcome, message: str) -> ActionResult:
         try:
@@ -148,7 +160,7 @@ class ActionRun:
         if not self._goal.plan_only:
             self._commands.check_empty()
         check_table(self._cloud, self._workspace, self._config.scene.table_z, self._config.table)
-        start = self._commands.positions()
+        start = self._seen_at = self._commands.positions()
         check_positions(start)
         check_reach(self._action, self._planner.ik, start, self._config.scene.table_z)
         self._commands.check_stop()
@@ -161,17 +173,17 @@ class ActionRun:
         plan = self._planner.plan(
             self._action, self._cloud, self._workspace, start, commands.progress, commands.should_stop
         )
-        self._centroid, self._loaded = plan.grasp.centroid, plan.carry.scene.hand
+        self._centroid = plan.grasp.centroid
         duration = sum(motion.trajectory.duration for motion in plan.motions)
         if self._goal.plan_only:
             return f"planned {len(plan.motions)} motions of {duration:.1f} s in all; nothing moved"
-        commands.await_approval()
+        plan = self._approved(plan, self._planner.renewed)
         commands.move(plan.go_above)
         self._look_again(plan)
         commands.enter(Phase.DESCEND)
         commands.move_fingers(plan.grasp.opening, self._config.open_force)
         commands.move(plan.descend)
-        self._close()
+        self._close(plan.carry.scene.hand)
         if commands.is_empty():
             self._give_up_grasp(plan)
         commands.move(plan.raise_up)
@@ -185,6 +197,23 @@ class ActionRun:
         commands.move(plan.retreat)
         commands.enter(Phase.DONE)
         return "the object was placed"
+
+    def _approved(self, plan: P, renew: Renew[P]) -> P:
+        """Return the plan once it may be executed; what took a person's time is checked in a fresh cloud.
+
+        Raises:
+            RequestError: when it was not approved, or no fresh cloud comes.
+            PlanningError: when it does not hold any more.
+        """
+        if not self._commands.await_approval():
+            return plan
+        self._cloud = self._cloud_source()
+        check_cloud(self._cloud)
+        self._seen_at = self._commands.positions()
+        try:
+            return renew(plan, self._cloud, self._workspace, self._seen_at)
+        except ExecutorError as error:
+            raise PlanningError(f"the scene changed while the plan waited for its approval: {error}") from None
 
     def _look_again(self, plan: PickPlacePlan) -> None:
         """Go back where the object is seen to have left its place while the arm was under way."""
@@ -208,7 +237,7 @@ class ActionRun:
         name = self._action.primitive.label
         if self._goal.plan_only:
             return f"planned a {name}; nothing moved"
-        commands.await_approval()
+        plan = self._approved(plan, partial(renewed_drag, self._planner, self._action))
         commands.move(plan.go_above)
         commands.enter(Phase.DESCEND)
         commands.move_fingers(plan.opening, self._config.open_force)
@@ -229,9 +258,9 @@ class ActionRun:
         commands.enter(Phase.DONE)
         return f"the {name} was carried out"
 
-    def _close(self) -> None:
+    def _close(self, load: HandShape | None = None) -> None:
         self._commands.enter(Phase.CLOSE)
-        self._commands.move_fingers(0.0, self._config.grip_force)
+        self._commands.move_fingers(0.0, self._config.grip_force, load)
 
     def _open(self, opening: float) -> None:
         self._commands.enter(Phase.OPEN)
@@ -258,11 +287,13 @@ class ActionRun:
             if escape is not None:
                 self._commands.move(escape)
             self._retreat_from_here()
+        except EarlyEnd as end:
+            # After a stop by whomever nobody is to try again: that outcome goes before the miss.
+            raise EarlyEnd(outcome if end.may_recover else end.outcome, f"{why}; {end}", end.may_recover) from None
         except ExecutorError as error:
             why = f"{why}; the arm stays where it is: {error}"
         raise EarlyEnd(outcome, why)
 
     def _retreat_from_here(self) -> None:
         start = self._commands.positions()
-        grid = self._planner.grid(self._cloud, self._workspace, start)
-        self._commands.move(self._planner.homeward(start, grid, HandShape(self._config.hand)))
+        self._commands.move(self._planner.homeward(start, self._grid(start), self._commands.hand_shape()))

@@ -89,6 +89,22 @@ def plan_drag(
     raise PlanningError(f"{action.primitive.label} from the pick to the place: {reason}")
 
 
+def renewed_drag(
+    planner: TransferPlanner,
+    action: PickPlaceAction,
+    plan: DragPlan,
+    cloud: npt.NDArray[np.float32],
+    workspace: WorkspaceSpec,
+    start: FloatArray,
+) -> DragPlan:
+    """Return the plan among what a newer cloud (N, 3) [m] shows, taken with the arm at `start` (7,) [rad].
+
+    Raises:
+        TrajectoryError: when a motion does not pass any more.
+    """
+    return _Drag(planner, broadside(action), cloud, workspace, start, planner.budget()).renewed(plan)
+
+
 class _Drag:
     """The scenes and heights of one action."""
 
@@ -143,6 +159,20 @@ class _Drag:
         retreat = motions.travel(Phase.RETREAT, leave.trajectory.end, ready, self._leaving)
         escape = motions.reversed(Phase.RETREAT, descend, self._working)
         return DragPlan(go_above, descend, escape, lift, along, leave, retreat, self._opening)
+
+    def renewed(self, plan: DragPlan) -> DragPlan:
+        """Return the plan among this cloud's columns. Raises TrajectoryError when a motion does not pass."""
+        among, swept = self._motions.among, self._working.grid
+        return replace(
+            plan,
+            go_above=among(plan.go_above, self._travelling.grid),
+            descend=among(plan.descend, swept),
+            escape=among(plan.escape, swept),
+            lift=None if plan.lift is None else among(plan.lift, swept),
+            drag=among(plan.drag, swept),
+            leave=among(plan.leave, swept),
+            retreat=among(plan.retreat, swept),
+        )
 
     def _above(self, at: PlanarPose, yaw: float, lean: float) -> Pose:
         return tilted(hand_down_pose(at.x, at.y, self._z + self._config.approach_height, yaw), lean)

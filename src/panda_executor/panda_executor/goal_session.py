@@ -59,7 +59,7 @@ class GoalSession:
             return self._gate.stopped or bool(handle.is_cancel_requested) or self._owners.is_silent(owner)
 
         try:
-            result = self._result(handle, should_stop)
+            result = self._result(handle, should_stop, logger)
         except RequestError as error:
             result = ActionResult(
                 Outcome.REJECTED,
@@ -84,7 +84,7 @@ class GoalSession:
             handle.abort()
         return result_to_msg(result)
 
-    def _result(self, handle: ServerGoalHandle, should_stop: Callable[[], bool]) -> ActionResult:
+    def _result(self, handle: ServerGoalHandle, should_stop: Callable[[], bool], logger: Any) -> ActionResult:
         message: PickPlace.Goal = handle.request
         frame = self._parameters.robot.base_frame
 
@@ -93,13 +93,14 @@ class GoalSession:
         def on_phase(phase: Phase, progress: float) -> None:
             handle.publish_feedback(conversions.feedback_to_msg(phase, progress, plan_id))
 
-        def await_approval() -> None:
+        def await_approval() -> bool:
             nonlocal plan_id
             plan_id = new_plan_id()
             if self._parameters.require_approval:
                 self._approvals.offer(plan_id)
                 on_phase(Phase.APPROVAL, Phase.APPROVAL.progress())
                 self._approvals.wait(plan_id, should_stop)
+            return self._parameters.require_approval
 
         try:
             goal = goal_from_msg(message, frame)
@@ -110,7 +111,13 @@ class GoalSession:
 
         def look() -> npt.NDArray[np.float32] | None:
             newest = self._clouds.newest(self._now_ns())
-            return None if newest is None or newest in planned_on else conversions.cloud_from_raw(newest, frame)
+            if newest is None or newest in planned_on:
+                return None
+            try:
+                return conversions.cloud_from_raw(newest, frame)
+            except RequestError as error:
+                logger.warning(f"the object is not looked at again: {error}")
+                return None
 
         def cloud() -> npt.NDArray[np.float32]:
             raw = self._fresh_cloud(goal.stamp_ns, should_stop)

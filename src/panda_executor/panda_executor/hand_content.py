@@ -5,6 +5,7 @@ from __future__ import annotations
 from cliport_core import topics
 from cliport_core.outcome import Refusal
 from panda_executor.errors import RequestError
+from panda_executor.hand_geometry import HandShape
 
 _SAME_WIDTH = 0.003  # fingers that have not moved by more still hold what they held [m]
 
@@ -19,19 +20,33 @@ class HandContent:
     def __init__(self, missed_width: float) -> None:
         self._missed_width = missed_width
         self._held_at: float | None = None
+        self._closing = False  # told to close, and not measured since
+        self._load: HandShape | None = None
+
+    def begin(self, commanded: float, load: HandShape | None = None) -> None:
+        """Note that the fingers are told to go to `commanded` [m]; what they hold is kept until they are measured.
+
+        load: the hand's shape with what it is to close on, where that is known.
+        """
+        self._closing = commanded < self._missed_width
+        if self._closing:
+            self._load = load
 
     def note(self, commanded: float, width: float) -> None:
-        """Note that the fingers, told to go to `commanded` [m], are `width` [m] apart."""
+        """Note that the fingers, told to go to `commanded` [m], are `width` [m] apart, whatever ended their motion."""
         stopped_on_something = commanded < self._missed_width <= width
         self._held_at = width if stopped_on_something else None
-
-    def forget(self) -> None:
-        """Note that the fingers are told to move: what they hold is not known until they have."""
-        self._held_at = None
+        self._closing = False
 
     def holds(self, width: float) -> bool:
         """Return True if the fingers, now `width` [m] apart, hold something."""
+        if self._closing:
+            return width >= self._missed_width
         return self._held_at is not None and abs(width - self._held_at) < _SAME_WIDTH
+
+    def load(self, width: float) -> HandShape | None:
+        """Return the hand's shape with what it holds, now `width` [m] apart; None where that is nothing, or unknown."""
+        return self._load if self.holds(width) else None
 
     def check_empty(self, width: float) -> None:
         """Check that the fingers, now `width` [m] apart, hold nothing.

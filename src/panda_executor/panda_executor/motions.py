@@ -40,7 +40,7 @@ class Motion:
 
 
 class MotionBuilder:
-    """Makes motions; every one that it returns has passed validate_trajectory.
+    """Makes motions; every one that it returns has passed validate_trajectory in its scene.
 
     Args:
         budget: of the planning that the motions belong to; every method raises BudgetSpentError once it is spent.
@@ -59,15 +59,22 @@ class MotionBuilder:
         """Plan a motion between configurations (7,) [rad], straight where that is free.
 
         Raises:
-            PlanningError: when there is no way.
+            PlanningError: when there is no way, or none that holds when it is checked as a whole.
         """
         waypoints = find_path(scene, start, goal, self.config.search, budget=self.budget)
-        if len(waypoints) > 2:
-            try:
-                return self._timed(phase, _rounded(waypoints), scene, self.config.timing.tcp_speed)
-            except TrajectoryError:
-                return self._stopping(phase, waypoints, scene)
-        return self._timed(phase, waypoints, scene, self.config.timing.tcp_speed)
+        try:
+            if len(waypoints) > 2:
+                return self._cornering(phase, waypoints, scene)
+            return self._timed(phase, waypoints, scene, self.config.timing.tcp_speed)
+        except TrajectoryError as error:
+            raise PlanningError(f"the path found does not hold when checked again: {error}") from None
+
+    def _cornering(self, phase: Phase, waypoints: FloatArray, scene: Scene) -> Motion:
+        """Plan round corners without a stop or, where that touches something, with one at each of them."""
+        try:
+            return self._timed(phase, _rounded(waypoints), scene, self.config.timing.tcp_speed)
+        except TrajectoryError:
+            return self._stopping(phase, waypoints, scene)
 
     def straight(
         self, phase: Phase, start: FloatArray, end_pose: Pose, scene: Scene, speed: float | None = None
@@ -101,6 +108,12 @@ class MotionBuilder:
         validate_trajectory(back, self.limits, scene)
         return Motion(phase, back, scene)
 
+    def among(self, motion: Motion, grid: ObstacleGrid) -> Motion:
+        """Return the same motion among other columns. Raises TrajectoryError when it does not pass."""
+        scene = motion.scene.with_grid(grid)
+        validate_trajectory(motion.trajectory, self.limits, scene)
+        return Motion(motion.phase, motion.trajectory, scene)
+
     def cartesian_waypoints(self, start: FloatArray, end_pose: Pose) -> FloatArray | None:
         """Return configurations (N, 7) along the line, all on the branch of `start`, or None."""
         self.budget.check()
@@ -123,7 +136,9 @@ class MotionBuilder:
 
     def _timed(self, phase: Phase, waypoints: FloatArray, scene: Scene, tcp_speed: float) -> Motion:
         if float(np.abs(waypoints[-1] - waypoints[0]).max()) < 1e-4 and len(waypoints) == 2:
-            return Motion(phase, _resting(waypoints[0], self.model.arm.arm_joints), scene)
+            resting = _resting(waypoints[0], self.model.arm.arm_joints)
+            validate_trajectory(resting, self.limits, scene)
+            return Motion(phase, resting, scene)
         period = self.config.timing.period
         trajectory = time_path(waypoints, self.limits, self.model, tcp_speed, period)
         validate_trajectory(trajectory, self.limits, scene)
@@ -131,15 +146,13 @@ class MotionBuilder:
 
     def _stopping(self, phase: Phase, waypoints: FloatArray, scene: Scene) -> Motion:
         """Plan leg by leg with a stop at every corner: what is left when the rounded path touches something."""
+        timing = self.config.timing
         legs = [
-            time_path(np.stack(pair), self.limits, self.model, self.config.timing.tcp_speed)
+            time_path(np.stack(pair), self.limits, self.model, timing.tcp_speed, timing.period)
             for pair in itertools.pairwise(waypoints)
         ]
         trajectory = _joined(legs)
-        try:
-            validate_trajectory(trajectory, self.limits, scene)
-        except TrajectoryError as error:
-            raise PlanningError(f"the path found does not hold when checked again: {error}") from None
+        validate_trajectory(trajectory, self.limits, scene)
         return Motion(phase, trajectory, scene)
 
 

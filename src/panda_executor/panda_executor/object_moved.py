@@ -1,4 +1,4 @@
-"""A later look at an object: does it still stand where its grasp was planned?"""
+"""The share of an object's place that a later cloud shows to be empty."""
 
 from __future__ import annotations
 

@@ -100,6 +100,17 @@ class ObstacleGrid:
         heights[row, col] = _EMPTY
         return replace(self, heights=heights)
 
+    def without_near(self, centres: FloatArray, radii: FloatArray) -> ObstacleGrid:
+        """Return the same grid without the columns that reach into spheres, centres (N, 3) and radii (N,) [m]."""
+        heights = self.heights.copy()
+        rows, cols = np.indices(heights.shape)
+        x, y = self.x_min + (cols + 0.5) * self.cell, self.y_min + (rows + 0.5) * self.cell
+        for centre, radius in zip(centres, radii):
+            square = radius**2 - (x - centre[0]) ** 2 - (y - centre[1]) ** 2
+            underside = centre[2] - np.sqrt(np.maximum(square, 0.0))
+            heights[(square > 0.0) & (heights > underside)] = _EMPTY
+        return replace(self, heights=heights)
+
     def reach(self, radii: FloatArray, floor: float, shadows: bool) -> ReachMap:
         """Return how low spheres of `radii` (N,) [m] may come; made once a grid.
 

@@ -23,7 +23,10 @@ class Phase(IntEnum):
     RECOVERING = 12
 
     def progress(self, within: float = 0.0) -> float:
-        """Return the share of the whole action that is done, 0..1, where `within` of this phase is."""
+        """Return the share of the whole action that is done, 0..1, where `within` of this phase is.
+
+        RECOVERING has no place in that order: whoever enters it knows what was done before.
+        """
         if self is Phase.APPROVAL:
             return float(Phase.GO_ABOVE_PICK / Phase.DONE)
         return min((self + within) / Phase.DONE, 1.0)

@@ -6,11 +6,13 @@ from collections.abc import Callable
 
 import numpy as np
 
+from cliport_core import topics
 from cliport_core.outcome import Outcome
 from panda_executor.config import ExecutorConfig
 from panda_executor.departure import depart_from
 from panda_executor.errors import TrajectoryError
 from panda_executor.hand_content import HandContent
+from panda_executor.hand_geometry import HandShape
 from panda_executor.motions import Motion
 from panda_executor.phase import Phase
 from panda_executor.ports import ArmPort, GripperPort, MotionStatus, ShouldStop
@@ -48,7 +50,8 @@ class RunCommands:
         on_phase: called with each phase as it begins and the overall progress 0..1.
         should_stop: polled all the time.
         hand: what is known of the hand's content; it outlives the run.
-        await_approval: returns once the plan may be executed; raises RequestError when it may not.
+        await_approval: returns once the plan may be executed, True where that took a person's time; raises
+            RequestError when it may not.
     """
 
     def __init__(
@@ -60,11 +63,12 @@ class RunCommands:
         on_phase: OnPhase,
         should_stop: ShouldStop,
         hand: HandContent | None = None,
-        await_approval: Callable[[], None] = lambda: None,
+        await_approval: Callable[[], bool] = lambda: False,
     ) -> None:
         self._await_approval = await_approval
         self._hand = hand or HandContent(config.missed_width)
         self.moved = False
+        self._share = 0.0  # of the whole action that is done
         self._arm, self._gripper, self._limits = arm, gripper, limits
         self.config = config
         self._on_phase = on_phase
@@ -78,19 +82,24 @@ class RunCommands:
         """Return the distance between the fingers [m]."""
         return self._gripper.width()
 
+    def hand_shape(self) -> HandShape:
+        """Return the hand's shape with what it holds, as far as that is known."""
+        return self._hand.load(self._gripper.width()) or HandShape(self.config.hand)
+
     def is_empty(self) -> bool:
         """Return True if the fingers hold nothing."""
         return self._gripper.width() < self.config.missed_width
 
-    def await_approval(self) -> None:
-        """Wait until the plan may be executed.
+    def await_approval(self) -> bool:
+        """Wait until the plan may be executed; return True if the scene may have changed meanwhile.
 
         Raises:
             RequestError: when nobody approved it in time.
             EarlyEnd: when a stop was asked for.
         """
-        self._await_approval()
+        waited = self._await_approval()
         self.check_stop()
+        return waited
 
     def check_empty(self) -> None:
         """Check that the hand does not still hold what it closed on in an earlier run.
@@ -111,8 +120,10 @@ class RunCommands:
         self.progress(phase, 0.0)
 
     def progress(self, phase: Phase, within: float) -> None:
-        """Tell how far a run is: the phase, and the share of it that is done, 0..1."""
-        self._on_phase(phase, phase.progress(within))
+        """Tell how far a run is: the phase, and the share of it that is done, 0..1; on the way back that stays."""
+        if phase is not Phase.RECOVERING:
+            self._share = phase.progress(within)
+        self._on_phase(phase, self._share)
 
     def move(self, motion: Motion, watch_load: bool = False, may_end_off: bool = False) -> None:
         """Begin a motion where the arm is measured now, validate it, send it, and wait for its end.
@@ -149,9 +160,7 @@ class RunCommands:
         if result.status is MotionStatus.OFF_GOAL and may_end_off and self._is_near(motion.trajectory.end):
             return
         if result.status is not MotionStatus.SUCCEEDED:
-            why = result.message or "no reason given"
-            words = f"the arm's motion {result.status.value} during {phase}: {why}"
-            raise EarlyEnd(Outcome.EXECUTION_FAILED, words, result.status is not MotionStatus.UNAVAILABLE)
+            raise _failure(f"the arm's motion {result.status.value} during {phase}", result.status, result.message)
 
     def _is_near(self, positions: FloatArray) -> bool:
         return float(np.abs(self.positions() - positions).max()) <= self.config.start_tolerance
@@ -167,8 +176,11 @@ class RunCommands:
             raise EarlyEnd(Outcome.EXECUTION_FAILED, words, may_recover=True) from None
         return trajectory
 
-    def move_fingers(self, width: float, effort: float) -> None:
+    def move_fingers(self, width: float, effort: float, load: HandShape | None = None) -> None:
         """Move the fingers to a full width [m] with at most `effort` [N], unless they are there.
+
+        Args:
+            load: the hand's shape with what it is to close on.
 
         Raises:
             EarlyEnd: when a stop was asked for, or the gripper did not do it.
@@ -176,16 +188,13 @@ class RunCommands:
         self.check_stop()
         if width > 0.0 and -_OPEN_ENOUGH < self._gripper.width() - width < _CLOSE_ENOUGH:
             return
-        self._hand.forget()
+        self._hand.begin(width, load)
         result = self._gripper.move(width, effort, self.should_stop)
-        if self.should_stop() and width == 0.0:
+        if width == 0.0 or result.status is MotionStatus.SUCCEEDED:  # also where closing failed around something
             self._hand.note(width, self._gripper.width())
         self.check_stop()
         if result.status is not MotionStatus.SUCCEEDED:
-            why = result.message or "no reason given"
-            words = f"the gripper's motion {result.status.value}: {why}"
-            raise EarlyEnd(Outcome.EXECUTION_FAILED, words, may_recover=True)
-        self._hand.note(width, self._gripper.width())
+            raise _failure(f"the gripper's motion {result.status.value}", result.status, result.message)
 
     def let_go(self, opening: float) -> None:
         """Open to `opening` [m], or until the fingers meet what is beside the object once it is free.
@@ -202,3 +211,13 @@ class RunCommands:
             is_held = self._gripper.width() < held + _RELEASE_WIDENING / 2.0
             if end.outcome is not Outcome.EXECUTION_FAILED or is_held:
                 raise
+
+
+def _failure(what: str, status: MotionStatus, message: str) -> EarlyEnd:
+    """Return the end of a run whose motion ended with `status` although the run asked for no stop."""
+    if status is MotionStatus.CANCELLED:
+        # Somebody stopped it at the controller: a motion back would be the answer to a stop.
+        words = f"{what}: somebody else cancelled it; look, then call {topics.EXECUTOR_RECOVER}"
+        return EarlyEnd(Outcome.EXECUTION_FAILED, f"{words} ({message})" if message else words)
+    may_recover = status is not MotionStatus.UNAVAILABLE
+    return EarlyEnd(Outcome.EXECUTION_FAILED, f"{what}: {message or 'no reason given'}", may_recover)

@@ -50,7 +50,7 @@ class PickPlaceRunner:
         workspace: WorkspaceSpec,
         on_phase: OnPhase = lambda phase, progress: None,
         should_stop: ShouldStop = lambda: False,
-        await_approval: Callable[[], None] = lambda: None,
+        await_approval: Callable[[], bool] = lambda: False,
         look: Look = lambda: None,
     ) -> ActionResult:
         """Run an action, or only plan it; never raises for what can go wrong on the way, the outcome says it.
@@ -61,6 +61,7 @@ class PickPlaceRunner:
             on_phase: called with each phase as it begins and the overall progress 0..1.
             should_stop: polled all the time; once true, the arm holds, a held object stays held.
             await_approval: called once the action is planned; returns when it may be executed, or raises RequestError.
+                True: that took a person's time, and the plan is checked again in a fresh cloud.
             look: returns a cloud that came since the planned one, or None; asked for before the hand goes down.
         """
         source = cloud if callable(cloud) else lambda: cloud
@@ -68,7 +69,10 @@ class PickPlaceRunner:
         return ActionRun(self.planner, commands, goal, source, workspace, look).result()
 
     def go_ready(self, should_stop: ShouldStop = lambda: False, cloud: Cloud | None = None) -> ActionResult:
-        """Move to the ready pose, out of the camera's view, avoiding itself, table, post, and what `cloud` shows."""
+        """Move to the ready pose, out of the camera's view, with what the hand holds.
+
+        It avoids itself, the table, the camera and its post where the planner was told of them, and what `cloud` shows.
+        """
         return self._without_goal(should_stop, cloud).go_ready()
 
     def recover(self, should_stop: ShouldStop = lambda: False, cloud: Cloud | None = None) -> ActionResult:
@@ -86,7 +90,7 @@ class PickPlaceRunner:
         return ActionRun(self.planner, commands, nothing, lambda: seen, WorkspaceSpec())
 
     def _commands(
-        self, on_phase: OnPhase, should_stop: ShouldStop, await_approval: Callable[[], None] = lambda: None
+        self, on_phase: OnPhase, should_stop: ShouldStop, await_approval: Callable[[], bool] = lambda: False
     ) -> RunCommands:
         return RunCommands(
             self._arm, self._gripper, self.config, self._limits, on_phase, should_stop, self._hand, await_approval

@@ -15,6 +15,7 @@ from panda_model.limits import FloatArray
 _OVER_TABLE = ("link3", "link4", "link5", "link6", "link7", "hand", "leftfinger", "rightfinger")
 _SUNK = 0.005  # depth in the table from which fingertips that were pressed or sagged there may be raised [m]
 _SUNK_SPARE = 0.0005  # below where they were measured, for the way's first part [m]
+_FREED = (0.01, 0.02, 0.03)  # round a link that touches, one after the other: a reach map rounds up to cells [m]
 _LOAD_HANGS_FROM = 5  # joint from which on the links are the hand's neighbours: the load is always below them
 _NEAR_CAMERA = ("link2", *_OVER_TABLE)
 
@@ -149,8 +150,31 @@ class Scene:
         sunk = min(max(self.table_z - float(points[:, 2].min()), 0.0) + _SUNK_SPARE, _SUNK)
         return replace(self, grid=self.grid.without(points), table_z=self.table_z - sunk)
 
+    def escaping(self, positions: FloatArray) -> Scene:
+        """Return the surroundings for the way out after a failure at `positions` (7,) [rad].
+
+        As `leaving`, and the columns that a link touches there do not count, either.
+        """
+        scene = self.leaving(positions)
+        self.model.tcp_arrays(positions)
+        for spare in _FREED:
+            touching = scene._touching()
+            if touching is None:
+                break
+            centres, radii = touching
+            scene = scene.with_grid(scene.grid.without_near(centres, radii + spare))
+        return scene
+
     def _arm_hits(self) -> FloatArray | None:
         """Return where a link (3,) [m] is that touches a column, for the kinematics just computed, or None."""
+        touching = self._touching()
+        return None if touching is None else touching[0][0]
+
+    def _touching(self) -> tuple[FloatArray, FloatArray] | None:
+        """Return the links' spheres that touch a column, for the kinematics just computed, or None where none does.
+
+        Centres (N, 3) [m] and radii (N,) with the clearance [m].
+        """
         cover = self.model.reaching
         if self.grid.is_below(cover.lowest(self.model.data) - self.config.arm_clearance):
             return None
@@ -159,7 +183,7 @@ class Scene:
         reach = self.grid.reach(radii, floor, self.config.unseen is UnseenRule.SHADOW)
         centres = cover.placed(self.model.data)
         hit = reach.hits(centres, radii)
-        return centres[int(np.argmax(hit))] if hit.any() else None
+        return (centres[hit], radii[hit]) if hit.any() else None
 
     def _load_hits(self, rotation: FloatArray, translation: FloatArray) -> str | None:
         """Return what the held object touches of arm and camera, for the kinematics just computed, or None."""

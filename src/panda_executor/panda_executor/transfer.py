@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
@@ -20,6 +21,7 @@ from panda_executor.hand_geometry import HandShape
 from panda_executor.ik import HandDownIk, hand_down_pose
 from panda_executor.model import PandaModel
 from panda_executor.motions import Motion, MotionBuilder
+from panda_executor.object_moved import vacated_share
 from panda_executor.obstacle_grid import ObstacleGrid
 from panda_executor.phase import Phase
 from panda_executor.ports import ShouldStop
@@ -28,6 +30,7 @@ from panda_executor.transfer_attempts import PickPlacePlan, TransferAttempts
 from panda_model.limits import FloatArray
 
 _OWN_MARGIN = 0.008  # around the grasped object's cells: its blurred edge in the cloud [m]
+_HAND_MARGIN = 0.015  # columns this near to the hand where it stands are the hand, or let it go [m]
 _CAMERA_STILL = 1e-4  # a camera that moved less stands where it stood [m]
 
 
@@ -94,8 +97,8 @@ class TransferPlanner:
     def grid(self, cloud: npt.NDArray[np.float32], workspace: WorkspaceSpec, positions: FloatArray) -> ObstacleGrid:
         """Return the columns of the cloud, without those that hold the hand itself at `positions` (7,) [rad].
 
-        The arm stands where it stands: a column there is the hand in its own camera's view, or something that
-        it already touches and must be able to leave.
+        The arm stood there when the cloud was taken: a column there is the hand in its own camera's view, or something
+        that it touched.
         """
         return self._columns(self.surroundings(cloud, workspace, positions), workspace, positions)
 
@@ -105,9 +108,16 @@ class TransferPlanner:
         scene = self.config.scene
         floor = scene.table_z + scene.floor
         grid = ObstacleGrid.from_cloud(points, workspace, floor, scene.grid_cell, self._camera)
+        return grid.without(self._hand_at(positions))
+
+    def _hand_at(self, positions: FloatArray) -> FloatArray:
+        """Return points (N, 3) [m] of the hand's surface with a margin, the arm at `positions` (7,) [rad]."""
         rotation, translation = self.model.tcp_arrays(positions)
-        body = HandShape(self.config.hand, margin=0.015).points @ rotation.T + translation
-        return grid.without(body)
+        return HandShape(self.config.hand, margin=_HAND_MARGIN).points @ rotation.T + translation
+
+    def _escape_scene(self, start: FloatArray, grid: ObstacleGrid, hand: HandShape) -> Scene:
+        """Return the surroundings for the way out of whatever the arm stands in at `start` (7,) [rad]."""
+        return self.scene(grid.without(self._hand_at(start)), hand).escaping(start)
 
     def budget(self, should_stop: ShouldStop = lambda: False) -> Budget:
         """Return what one request's planning may take, from now on."""
@@ -123,13 +133,13 @@ class TransferPlanner:
         Raises:
             PlanningError: when there is no way.
         """
-        return self.motions.travel(Phase.RETREAT, start, self.ready, self.scene(grid, hand).leaving(start))
+        return self.motions.travel(Phase.RETREAT, start, self.ready, self._escape_scene(start, grid, hand))
 
     def upward(self, start: FloatArray, grid: ObstacleGrid, hand: HandShape) -> Motion | None:
         """Plan a straight way up from wherever the arm is, `start` (7,) [rad]; None where there is none."""
         here = self.model.tcp_pose(start)
         rise = np.array([0.0, 0.0, self.config.approach_height])
-        scene = self.scene(grid, hand).leaving(start)
+        scene = self._escape_scene(start, grid, hand)
         return self.motions.straight(Phase.RECOVERING, start, Pose(here.rotation, here.translation + rise), scene)
 
     def plan(
@@ -161,8 +171,7 @@ class TransferPlanner:
         reason = ""
         for grasp in grasps:
             rest = cloud[~grasp.covers(cloud, _OWN_MARGIN)]
-            taken = grasp.covers(around, _OWN_MARGIN) & (around[:, 2] < grasp.top_z + _OWN_MARGIN)
-            rest_grid = self._columns(around[~taken], workspace, start)
+            rest_grid = self._rest_grid(around, grasp, workspace, start)
             for flip in self._flips(grasp, start):
                 budget.check(reason)
                 try:
@@ -176,6 +185,39 @@ class TransferPlanner:
                 on_phase(Phase.GRASP_PLANNING, 1.0)
                 return plan
         raise PlanningError(reason)
+
+    def renewed(
+        self, plan: PickPlacePlan, cloud: npt.NDArray[np.float32], workspace: WorkspaceSpec, start: FloatArray
+    ) -> PickPlacePlan:
+        """Return the plan among what a newer cloud (N, 3) [m] shows, taken with the arm at `start` (7,) [rad].
+
+        Raises:
+            PlanningError: when the object moved.
+            TrajectoryError: when a motion does not pass any more.
+        """
+        share = vacated_share(cloud, plan.grasp)
+        if share > self.config.moved_share:
+            raise PlanningError(f"the object moved: {100.0 * share:.0f} % of its place is empty")
+        around = self.surroundings(cloud, workspace, start)
+        grid = self._columns(around, workspace, start)
+        rest_grid = self._rest_grid(around, plan.grasp, workspace, start)
+        return replace(
+            plan,
+            go_above=self.motions.among(plan.go_above, grid),
+            descend=self.motions.among(plan.descend, rest_grid),
+            raise_up=self.motions.among(plan.raise_up, rest_grid),
+            carry=self.motions.among(plan.carry, rest_grid),
+            lower=self.motions.among(plan.lower, rest_grid),
+            leave=self.motions.among(plan.leave, rest_grid),
+            retreat=self.motions.among(plan.retreat, rest_grid),
+        )
+
+    def _rest_grid(
+        self, around: npt.NDArray[np.float32], grasp: Grasp, workspace: WorkspaceSpec, start: FloatArray
+    ) -> ObstacleGrid:
+        """Return the columns of the points `around` (N, 3) [m] without the object that is grasped."""
+        taken = grasp.covers(around, _OWN_MARGIN) & (around[:, 2] < grasp.top_z + _OWN_MARGIN)
+        return self._columns(around[~taken], workspace, start)
 
     def _flips(self, grasp: Grasp, start: FloatArray) -> list[float]:
         """Return 0 and pi, the cheaper for the arm first: the gripper is the same when turned around."""

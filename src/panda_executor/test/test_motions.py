@@ -1,0 +1,59 @@
+"""Single motions: what a builder returns was checked, and what it cannot make it refuses in its own words."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from panda_executor import motions
+from panda_executor.errors import PlanningError, TrajectoryError
+from panda_executor.phase import Phase
+from panda_executor.scene import Scene
+from panda_executor.transfer import TransferPlanner
+from panda_model import load_preset
+
+READY = load_preset().ready
+
+
+def test_a_path_that_cannot_be_timed_is_no_plan(
+    planner: TransferPlanner, free_scene: Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It used to end as a failed execution, although nothing moved."""
+
+    def fail(*_: Any) -> None:
+        raise TrajectoryError("joint 3 would reach 1.10 times its jerk limit")
+
+    monkeypatch.setattr(motions, "time_path", fail)
+    with pytest.raises(PlanningError, match="the path found does not hold when checked again: joint 3"):
+        planner.motions.travel(Phase.RETREAT, READY + 0.1, READY, free_scene)
+
+
+def test_a_rest_is_checked_too(planner: TransferPlanner, free_scene: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+    checked: list[np.ndarray] = []
+    validate = motions.validate_trajectory
+
+    def note(trajectory: Any, *others: Any) -> None:
+        checked.append(trajectory.positions)
+        validate(trajectory, *others)
+
+    monkeypatch.setattr(motions, "validate_trajectory", note)
+    motion = planner.motions.travel(Phase.RETREAT, READY, READY, free_scene)
+    assert len(checked) == 1
+    np.testing.assert_array_equal(checked[0], motion.trajectory.positions)
+
+
+def test_stops_at_corners_keep_the_configured_period(
+    planner: TransferPlanner, free_scene: Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    periods: list[float] = []
+    time_path = motions.time_path
+
+    def note(*arguments: Any) -> Any:
+        periods.append(arguments[4])
+        return time_path(*arguments)
+
+    monkeypatch.setattr(motions, "time_path", note)
+    planner.motions._stopping(Phase.CARRY, np.stack([READY, READY + 0.1, READY]), free_scene)
+    assert periods == [planner.config.timing.period] * 2
