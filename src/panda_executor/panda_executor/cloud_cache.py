@@ -85,8 +85,13 @@ class CloudCache:
             )
         behind = (goal_stamp_ns - stamp_ns) * 1e-9
         if goal_stamp_ns and behind > self._behind:
-            words = f"the point cloud is {behind:.1f} s older than the goal's observation"
+            words = (
+                f"the point cloud is {behind:.1f} s older than the goal's observation (at most {self._behind:g} s); "
+                "raise cloud_behind, or perception's points_rate"
+            )
             raise RequestError(words, Refusal.OLD_CLOUD, behind, self._behind)
         if stamp_ns < still_since_ns:
-            raise RequestError("the point cloud was taken while the arm still moved", Refusal.OLD_CLOUD)
+            early = (still_since_ns - stamp_ns) * 1e-9
+            words = f"the point cloud was taken while the arm still moved, {early:.1f} s before its last motion's end"
+            raise RequestError(f"{words}; raise cloud_wait, or perception's points_rate", Refusal.OLD_CLOUD, early, 0.0)
         return raw

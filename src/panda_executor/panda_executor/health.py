@@ -17,8 +17,23 @@ class HealthReport:
     values: dict[str, str]
 
 
+@dataclass(frozen=True)
+class AgeLimits:
+    """Ages up to which joint states and clouds are used, and how far ahead of the clock they may be [s]."""
+
+    joints: float
+    cloud: float
+    ahead: float
+
+
 def assess(
-    joint_age: float, cloud_age: float, arm_ready: bool, gripper_ready: bool, refusal: str | None, busy: bool
+    joint_age: float,
+    cloud_age: float,
+    arm_ready: bool,
+    gripper_ready: bool,
+    refusal: str | None,
+    busy: bool,
+    limits: AgeLimits,
 ) -> HealthReport:
     """Report the worst of what is wrong. Ages in s, infinite when nothing came yet."""
     values = {
@@ -31,12 +46,16 @@ def assess(
     if not arm_ready or not gripper_ready:
         missing = "arm" if not arm_ready else "gripper"
         return HealthReport(ERROR, f"the {missing}'s action server is missing", values)
-    if joint_age > 1.0:
+    if joint_age > limits.joints:
         return HealthReport(ERROR, "joint states are missing or old", values)
+    if joint_age < -limits.ahead:
+        return HealthReport(ERROR, "joint states are ahead of the clock", values)
     if refusal and not busy:
         return HealthReport(WARN, refusal, values)
-    if cloud_age > 2.0 and not busy:
+    if cloud_age > limits.cloud and not busy:
         return HealthReport(WARN, "no fresh point cloud", values)
+    if cloud_age < -limits.ahead and not busy:
+        return HealthReport(WARN, "the point cloud is ahead of the clock", values)
     return HealthReport(OK, "executing" if busy else "ready", values)
 
 

@@ -30,7 +30,8 @@ class PandaModel:
 
     Raises:
         DescriptionError: when the preset's URDF is not installed.
-        RobotDescriptionError: when the URDF has not seven arm joints, two fingers, or a mesh is missing.
+        RobotDescriptionError: when the URDF has no tcp frame, not seven joints before it and two fingers beside them,
+            or a mesh is missing.
     """
 
     def __init__(
@@ -44,12 +45,11 @@ class PandaModel:
         description = description or load_description(self.arm)
         self._names = description.prefix, self.arm.prefix
         full, geometry = _read(description)
+        fingers = _finger_joints(full, self.named(self.arm.tcp_frame))
         rest = pin.neutral(full)
-        rest[ARM_DOF:] = self.arm.hand.opening / 2.0
-        fingers = [full.getJointId(self.named(name)) for name in self.arm.finger_joints]
+        for joint in fingers:
+            rest[full.joints[joint].idx_q] = self.arm.hand.opening / 2.0
         self.model, self.geometry = pin.buildReducedModel(full, geometry, fingers, rest)
-        if self.model.nq != ARM_DOF:
-            raise RobotDescriptionError(f"the robot description has {self.model.nq} arm joints, expected {ARM_DOF}")
         self._use_hulls()
         self.reaching = ArmCover.of_links(self.model, self.geometry, self._links(_REACHING))
         self.standing = ArmCover.of_links(self.model, self.geometry, self._links(_STANDING))
@@ -178,6 +178,29 @@ class PandaModel:
                 names = [self.geometry.geometryObjects[i].name for i in (pair.first, pair.second)]
                 return " and ".join(n.removeprefix(_FIXED).removesuffix("_0") for n in names)
         return "links"
+
+
+def _finger_joints(full: pin.Model, tcp_frame: str) -> list[int]:
+    """Return the two joints that do not move the tcp, by structure: a driver may have other names for them.
+
+    Raises:
+        RobotDescriptionError: when there are not two, or not seven that do move it.
+    """
+    if not full.existFrame(tcp_frame):
+        raise RobotDescriptionError(f"the robot description has no frame '{tcp_frame}'")
+    arm = list(full.supports[full.frames[full.getFrameId(tcp_frame)].parentJoint])[1:]  # without the universe
+    fingers = [joint for joint in range(1, full.njoints) if joint not in arm]
+    if len(arm) != ARM_DOF or any(full.joints[joint].nq != 1 for joint in (*arm, *fingers)):
+        raise RobotDescriptionError(
+            f"the robot description has {len(arm)} joints from its base to '{tcp_frame}', expected {ARM_DOF} of one "
+            f"angle each: {', '.join(full.names[joint] for joint in arm) or 'none'}"
+        )
+    if len(fingers) != 2:
+        names = ", ".join(full.names[joint] for joint in fingers) or "none"
+        raise RobotDescriptionError(
+            f"the robot description has these joints beside the arm's, not two fingers: {names}"
+        )
+    return fingers
 
 
 def _read(description: RobotDescription) -> tuple[pin.Model, pin.GeometryModel]:

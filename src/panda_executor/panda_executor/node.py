@@ -23,14 +23,12 @@ from cliport_core.raw_header import header_of_raw
 from cliport_core.ros_action_server import ThreadedActionServer
 from cliport_interfaces.action import PickPlace
 from panda_executor import conversions
-from panda_executor.action_run import Cloud
 from panda_executor.approvals import Approvals
 from panda_executor.camera_place import CameraPlace
 from panda_executor.cloud_cache import CloudCache
-from panda_executor.errors import RequestError
 from panda_executor.gate import Gate
 from panda_executor.goal_session import GoalSession
-from panda_executor.health import assess
+from panda_executor.health import AgeLimits, assess
 from panda_executor.joint_tracker import JointTracker
 from panda_executor.model import PandaModel
 from panda_executor.node_controllers import Controllers
@@ -38,10 +36,12 @@ from panda_executor.node_parameters import NodeParameters, read_parameters
 from panda_executor.node_services import PersonServices
 from panda_executor.owner_watch import OwnerWatch
 from panda_executor.runner import PickPlaceRunner
+from panda_executor.surroundings import Surroundings
 from panda_executor.transfer import TransferPlanner
 from panda_model.description import load_description
 
 _LAST_WORDS = 0.2  # for the ended goal's result to reach its client [s]
+_TURN = 0.05  # between two signs that callbacks are delivered [s]
 
 
 class ExecutorNode(Node):
@@ -53,16 +53,17 @@ class ExecutorNode(Node):
 
     def __init__(self) -> None:
         super().__init__("panda_executor")
-        parameters = read_parameters(self)
+        parameters = self._parameters = read_parameters(self)
         robot = parameters.robot
         ages = parameters.max_joint_age, parameters.max_ahead
+        self._limits = AgeLimits(parameters.max_joint_age, parameters.max_cloud_age, parameters.max_ahead)
         self._joints = JointTracker(robot.arm_joints, robot.finger_joints, *ages)
         self.gate = Gate(lambda: self._joints.is_still(self._now_ns()))
         self._clouds = CloudCache(parameters.max_cloud_age, parameters.cloud_behind, parameters.max_ahead)
         self._camera = CameraPlace(robot.base_frame)
         self._calls = ReentrantCallbackGroup()
         self._controllers = Controllers(self, parameters, self._joints, self.gate.note_motion, self._calls)
-        self._runner, self._base_frame = self._make_runner(parameters), robot.base_frame
+        self._runner = self._make_runner(parameters)
         self._owners = OwnerWatch(time.monotonic, parameters.owner_silence)
         self._approvals = Approvals(parameters.approval_time)
         self._session = GoalSession(
@@ -98,14 +99,17 @@ class ExecutorNode(Node):
     def _offer(self) -> None:
         """Offer services, diagnostics, the heartbeat and, last, the action."""
         services = ReentrantCallbackGroup()
-        PersonServices(
-            self, self.gate, self._runner, self._approvals, self._controllers.stop, self._newest_cloud, services
+        surroundings = Surroundings(
+            self._runner.planner, self._clouds, self._camera, self._parameters.robot.base_frame, self._now_ns
         )
+        PersonServices(self, self.gate, self._runner, self._approvals, self._controllers.stop, surroundings, services)
         self._diagnostics = self.create_publisher(DiagnosticArray, topics.DIAGNOSTICS, 10)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(1.0, self._report, callback_group=services, clock=steady)
+        pulse = self._controllers.pulse
+        self.create_timer(_TURN, pulse.turn, callback_group=services, clock=steady)
         beats = self.create_publisher(Empty, topics.HEARTBEAT, 10)
-        self._heartbeat = Heartbeat(lambda: beats.publish(Empty()), is_alive=self._controllers.pulse.is_alive)
+        self._heartbeat = Heartbeat(lambda: beats.publish(Empty()), is_alive=pulse.is_alive)
         self._server = ThreadedActionServer(
             self, PickPlace, topics.PICK_PLACE, self._execute, callback_group=self._calls,
             goal_callback=self._on_goal, cancel_callback=lambda _: CancelResponse.ACCEPT,
@@ -144,17 +148,11 @@ class ExecutorNode(Node):
         finally:
             self.gate.leave()
 
-    def _newest_cloud(self) -> Cloud | None:
-        try:
-            return conversions.cloud_from_raw(self._clouds.get(self._now_ns(), 0, 0), self._base_frame)
-        except RequestError:
-            return None
-
     def _report(self) -> None:
         now_ns = self._now_ns()
         report = assess(
             self._joints.age(now_ns), self._clouds.age(now_ns), self._controllers.arm_ready,
-            self._controllers.gripper_ready, self.gate.refusal(), self.gate.busy,
+            self._controllers.gripper_ready, self.gate.refusal(), self.gate.busy, self._limits,
         )  # fmt: skip
         self._diagnostics.publish(conversions.diagnostics_to_msg(report, now_ns))
 

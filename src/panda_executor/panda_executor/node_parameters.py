@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from enum import Enum
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from cliport_core.workspace import WorkspaceSpec
 from panda_executor.arm_watch import ArmWatch
-from panda_executor.config import ExecutorConfig, SearchAlgorithm, SearchConfig
+from panda_executor.config import ExecutorConfig, SearchConfig
 from panda_executor.errors import ExecutorError
+from panda_executor.parameter_checks import Get, finite, not_negative, positive
 from panda_model import DEFAULT_PRESET, ArmModel, load_preset
 
 if TYPE_CHECKING:
     from rclpy.node import Node
+
+Choice = TypeVar("Choice", bound=Enum)
 
 
 @dataclass(frozen=True)
@@ -70,63 +74,72 @@ def read_parameters(node: Node) -> NodeParameters:
         str(get("robot_description", "")),
         _read_config(get, robot),
         WorkspaceSpec.load(path) if path else WorkspaceSpec(),
-        max_cloud_age=float(get("max_cloud_age", 2.0)),
-        max_joint_age=float(get("max_joint_age", 0.5)),
-        cloud_behind=float(get("cloud_behind", 0.0)),
-        cloud_wait=float(get("cloud_wait", 3.0)),
+        max_cloud_age=positive(get, "max_cloud_age", 2.0),
+        max_joint_age=positive(get, "max_joint_age", 0.5),
+        cloud_behind=not_negative(get, "cloud_behind", 0.0),
+        cloud_wait=not_negative(get, "cloud_wait", 3.0),
         require_approval=bool(get("require_approval", False)),
-        approval_time=_positive(get, "approval_time", 30.0),
-        self_clearance=_positive(get, "self_clearance", 0.03),
-        max_ahead=float(get("max_ahead", 0.25)),
+        approval_time=positive(get, "approval_time", 30.0),
+        self_clearance=positive(get, "self_clearance", 0.03),
+        max_ahead=not_negative(get, "max_ahead", 0.25),
         watch=_read_watch(get),
-        owner_silence=_positive(get, "owner_silence", 0.3),
-        work_silence=_positive(get, "work_silence", 0.25),
+        owner_silence=positive(get, "owner_silence", 0.3),
+        work_silence=positive(get, "work_silence", 0.25),
     )
 
 
-def _read_watch(get: Any) -> ArmWatch:
+def _read_watch(get: Get) -> ArmWatch:
     watch = ArmWatch()
     names = ("path_tolerance", "goal_tolerance", "goal_time")
-    return replace(watch, **{name: _positive(get, name, getattr(watch, name)) for name in names})
+    return replace(watch, **{name: positive(get, name, getattr(watch, name)) for name in names})
 
 
-def _positive(get: Any, name: str, default: float) -> float:
+def _read_search(get: Get, default: SearchConfig) -> SearchConfig:
+    return replace(
+        default,
+        algorithm=_member(get, "search", default.algorithm),
+        seed=int(get("seed", default.seed)),
+        time_limit=positive(get, "search_time", default.time_limit),
+    )
+
+
+def _member(get: Get, name: str, default: Choice) -> Choice:
+    """Return the member of the default's enumeration that the parameter `name` names. Raises ExecutorError."""
+    value = str(get(name, default.value))
+    for member in type(default):
+        if member.value == value:
+            return member
+    known = ", ".join(str(member.value) for member in type(default))
+    raise ExecutorError(f"unknown {name} '{value}'; known are {known}")
+
+
+def _share(get: Get, name: str, default: float) -> float:
+    """Return the parameter `name`. Raises ExecutorError unless it is in (0, 1]."""
     value = float(get(name, default))
-    if not value > 0.0:
-        raise ExecutorError(f"{name} must be positive, got {value:g}")
+    if not 0.0 < value <= 1.0:
+        raise ExecutorError(f"{name} must be in (0, 1], got {value:g}")
     return value
 
 
-def _read_search(get: Any, default: SearchConfig) -> SearchConfig:
-    name = str(get("search", default.algorithm.value))
-    try:
-        algorithm = SearchAlgorithm(name)
-    except ValueError:
-        known = ", ".join(algorithm.value for algorithm in SearchAlgorithm)
-        raise ExecutorError(f"unknown search '{name}'; known are {known}") from None
-    return replace(default, algorithm=algorithm, seed=int(get("seed", default.seed)))
-
-
-def _read_config(get: Any, robot: ArmModel) -> ExecutorConfig:
+def _read_config(get: Get, robot: ArmModel) -> ExecutorConfig:
     config = ExecutorConfig.for_arm(robot)
     timing = {}
     for name in ("velocity_scaling", "acceleration_scaling", "jerk_scaling"):
-        value = float(get(name, getattr(config.timing, name)))
-        if not 0.0 < value <= 1.0:
-            raise ExecutorError(f"{name} must be in (0, 1], got {value:g}")
-        timing[name] = value
+        timing[name] = _share(get, name, getattr(config.timing, name))
     for name in ("tcp_speed", "tcp_speed_near"):
-        timing[name] = _positive(get, name, getattr(config.timing, name))
+        timing[name] = positive(get, name, getattr(config.timing, name))
     force = float(get("grip_force", config.grip_force))
     if not 0.0 < force <= robot.hand.allowed_force:
         raise ExecutorError(f"grip_force must be in (0, {robot.hand.allowed_force:g}] N, got {force:g}")
-    table_z = float(get("table_z", config.scene.table_z))
-    scene = replace(config.scene, table_z=table_z)
+    scene = replace(config.scene, table_z=finite(get, "table_z", config.scene.table_z))
     return replace(
         config,
         timing=replace(config.timing, **timing),
         scene=scene,
-        table=replace(config.table, tolerance=_positive(get, "table_tolerance", config.table.tolerance)),
+        table=replace(config.table, tolerance=positive(get, "table_tolerance", config.table.tolerance)),
         grip_force=force,
         search=_read_search(get, config.search),
+        planning_time=positive(get, "planning_time", config.planning_time),
+        moved_share=_share(get, "moved_share", config.moved_share),
+        after_failure=_member(get, "after_failure", config.after_failure),
     )

@@ -15,18 +15,21 @@ from cliport_core import topics
 from cliport_core.outcome import ActionResult
 from cliport_interfaces.srv import ApprovePlan
 from panda_executor.approvals import Approvals
+from panda_executor.errors import RequestError
 from panda_executor.gate import Gate
 from panda_executor.ports import ShouldStop
 from panda_executor.runner import PickPlaceRunner
+from panda_executor.surroundings import Surroundings
 
-CloudOrNone = Callable[[], npt.NDArray[np.float32] | None]
+Cloud = npt.NDArray[np.float32]
+Answer = Callable[[Trigger.Request, Trigger.Response], Trigger.Response]
 
 
 class PersonServices:
     """Offers the services; what moves runs through the gate, in a thread of its own, and its end is logged.
 
     Args:
-        stop: cancels all goals of the controllers; cloud: the newest one, None where it will not do.
+        stop: cancels all goals of the controllers.
     """
 
     def __init__(
@@ -36,20 +39,23 @@ class PersonServices:
         runner: PickPlaceRunner,
         approvals: Approvals,
         stop: Callable[[], None],
-        cloud: CloudOrNone,
+        surroundings: Surroundings,
         group: CallbackGroup,
     ) -> None:
         self._node, self._gate, self._approvals, self._stop = node, gate, approvals, stop
+        self._surroundings = surroundings
         node.create_service(Trigger, topics.EXECUTOR_STOP, self._on_stop, callback_group=group)
         node.create_service(Trigger, topics.EXECUTOR_RESUME, self._on_resume, callback_group=group)
         node.create_service(ApprovePlan, topics.EXECUTOR_APPROVE, self._on_approve, callback_group=group)
-        works: dict[str, Callable[[ShouldStop], ActionResult]] = {
-            topics.EXECUTOR_READY: lambda should_stop: runner.go_ready(should_stop, cloud()),
-            topics.EXECUTOR_OPEN: runner.open,
-            topics.EXECUTOR_RECOVER: lambda should_stop: runner.recover(should_stop, cloud()),
+        motions: dict[str, Callable[[ShouldStop, Cloud | None], ActionResult]] = {
+            topics.EXECUTOR_READY: runner.go_ready,
+            topics.EXECUTOR_RECOVER: runner.recover,
         }
-        for name, work in works.items():
-            node.create_service(Trigger, name, self._starter(name, work), callback_group=group)
+        for name, motion in motions.items():
+            node.create_service(Trigger, name, self._mover(name, motion), callback_group=group)
+        node.create_service(
+            Trigger, topics.EXECUTOR_OPEN, self._starter(topics.EXECUTOR_OPEN, runner.open), callback_group=group
+        )
 
     def _on_stop(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self._gate.latch("stopped on request")
@@ -66,9 +72,25 @@ class PersonServices:
         response.success, response.message = self._approvals.approve(str(request.plan_id))
         return response
 
-    def _starter(
-        self, name: str, work: Callable[[ShouldStop], ActionResult]
-    ) -> Callable[[Trigger.Request, Trigger.Response], Trigger.Response]:
+    def _mover(self, name: str, motion: Callable[[ShouldStop, Cloud | None], ActionResult]) -> Answer:
+        """Return a callback that begins a motion of the arm, and says what that cannot avoid."""
+        start = self._starter(name, lambda should_stop: motion(should_stop, self._surroundings.cloud()))
+
+        def answer(request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+            try:
+                missing = self._surroundings.missing()
+            except RequestError as error:
+                response.success, response.message = False, str(error)
+                return response
+            response = start(request, response)
+            if response.success and missing:
+                self._node.get_logger().warning(f"{name}: {missing}")
+                response.message = f"{response.message}; {missing}"
+            return response
+
+        return answer
+
+    def _starter(self, name: str, work: Callable[[ShouldStop], ActionResult]) -> Answer:
         """Return a callback that begins `work` and answers at once: its end is in the log."""
 
         def run() -> None:

@@ -138,8 +138,7 @@ class _Search:
         self._budget.check()
         if not problem.hasExactSolution():
             raise PlanningError(
-                f"no way round the obstacles was found in {self._checks} checks; "
-                "clear the table or raise the search's time_limit"
+                f"no way round the obstacles was found in {self._checks} checks; clear the table or raise search_time"
             )
         path = problem.getSolutionPath()
         simplifier = geometric.PathSimplifier(self._information)

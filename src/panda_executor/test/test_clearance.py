@@ -52,19 +52,22 @@ def least_distance(plan: PickPlacePlan, box: Cube) -> float:
 
 
 @pytest.mark.parametrize("pick_y", [-0.1, 0.1])
-@pytest.mark.parametrize("place_y", [-0.25, 0.25])
 def test_a_box_behind_the_pick_is_not_hit_by_the_arm(
-    planner: TransferPlanner, workspace: WorkspaceSpec, pick_y: float, place_y: float
+    planner: TransferPlanner, workspace: WorkspaceSpec, pick_y: float
 ) -> None:
     """Only hand and load used to be checked: links 5 and 6 went through such a box in four of four plans."""
     box = Cube(0.55 - 0.14 - 0.04, pick_y, size=(0.08, 0.12, 0.2))
     cloud = seen_cloud(cube_points(Cube(0.55, pick_y, 0.3)), cube_points(box))
-    action = PickPlaceAction(PlanarPose(0.55, pick_y, 0.3), PlanarPose(0.5, place_y, 0.3))
-    try:
-        plan = planner.plan(action, cloud, workspace, READY)
-    except PlanningError:
-        return  # refused: nothing is hit
-    assert least_distance(plan, box) > 0.0
+    distances, refusals = [], []
+    for place_y in (-0.25, 0.25):
+        action = PickPlaceAction(PlanarPose(0.55, pick_y, 0.3), PlanarPose(0.5, place_y, 0.3))
+        try:
+            distances.append(least_distance(planner.plan(action, cloud, workspace, READY), box))
+        except PlanningError as error:
+            refusals.append(str(error))
+    print(distances, refusals)
+    assert distances, f"a planner that refuses everything hits nothing, either: {refusals}"
+    assert min(distances) > 0.0
 
 
 def test_what_rises_above_the_workspace_is_avoided(planner: TransferPlanner, workspace: WorkspaceSpec) -> None:
@@ -72,11 +75,7 @@ def test_what_rises_above_the_workspace_is_avoided(planner: TransferPlanner, wor
     column = Cube(0.45, 0.0, size=(0.05, 0.05, 0.45))
     cloud = seen_cloud(cube_points(Cube(0.45, 0.2, 0.3)), cube_points(column, 0.003))
     action = PickPlaceAction(PlanarPose(0.45, 0.2, 0.3), PlanarPose(0.45, -0.2, 0.3))
-    try:
-        plan = planner.plan(action, cloud, workspace, READY)
-    except PlanningError:
-        return
-    assert least_distance(plan, column) > 0.0
+    assert least_distance(planner.plan(action, cloud, workspace, READY), column) > 0.0
 
 
 def test_spheres_hold_the_links(model: PandaModel) -> None:

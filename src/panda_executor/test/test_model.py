@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -130,6 +131,37 @@ def test_the_users_own_description_is_what_the_model_moves(tmp_path: Path) -> No
         assert not own.in_collision(arm.ready)
         down, _ = planner.ik.refine(hand_down_pose(0.5, 0.0, -0.02, 0.0), arm.ready)
         assert "table" in (own.colliding_pair(down) or "")
+
+
+def test_a_drivers_own_names_leave_the_model_as_it_is(model: PandaModel) -> None:
+    arm = replace(load_preset("fr3"), base_frame="world", finger_joints=("left", "right"))
+    own = PandaModel(arm)
+    assert own.tcp_pose(arm.ready).is_close(model.tcp_pose(arm.ready))
+    assert own.frame_pose("fr3_hand", arm.ready).is_close(model.frame_pose("panda_hand", arm.ready))
+    assert not own.in_collision(arm.ready)
+    urdf = load_description(load_preset()).urdf
+    assert load_description(replace(load_preset(), base_frame="world"), urdf).prefix == "panda_"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ('type="prismatic"', 'type="fixed"', "these joints beside the arm's, not two fingers: none"),
+        ('name="panda_joint3" type="revolute"', 'name="panda_joint3" type="fixed"', "has 6 joints from its base"),
+        (
+            'name="panda_joint3" type="revolute"',
+            'name="panda_joint3" type="continuous"',
+            "expected 7 of one angle each",
+        ),
+    ],
+)
+def test_a_description_of_another_arm_ends_in_words(old: str, new: str, words: str) -> None:
+    arm = load_preset()
+    shipped = load_description(arm)
+    assert old in shipped.urdf
+    with pytest.raises(RobotDescriptionError, match=words) as caught:
+        PandaModel(arm, description=replace(shipped, urdf=shipped.urdf.replace(old, new)))
+    assert "\n" not in str(caught.value)
 
 
 def test_a_description_that_is_no_arm_ends_in_words() -> None:
