@@ -43,4 +43,4 @@ class Budget:
         if self._should_stop():
             raise BudgetSpentError(f"planning was stopped{why}")
         if self._clock() > self._deadline:
-            raise BudgetSpentError(f"planning took too long (at most {self._seconds:g} s, planning_time){why}")
+            raise BudgetSpentError(f"planning took too long (at most {self._seconds:g} s); raise planning_time{why}")

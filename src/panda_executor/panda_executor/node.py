@@ -53,7 +53,7 @@ class ExecutorNode(Node):
 
     def __init__(self) -> None:
         super().__init__("panda_executor")
-        parameters = self._parameters = read_parameters(self)
+        parameters = self._settings = read_parameters(self)
         robot = parameters.robot
         ages = parameters.max_joint_age, parameters.max_ahead
         self._limits = AgeLimits(parameters.max_joint_age, parameters.max_cloud_age, parameters.max_ahead)
@@ -100,7 +100,7 @@ class ExecutorNode(Node):
         """Offer services, diagnostics, the heartbeat and, last, the action."""
         services = ReentrantCallbackGroup()
         surroundings = Surroundings(
-            self._runner.planner, self._clouds, self._camera, self._parameters.robot.base_frame, self._now_ns
+            self._runner.planner, self._clouds, self._camera, self._settings.robot.base_frame, self._now_ns
         )
         PersonServices(self, self.gate, self._runner, self._approvals, self._controllers.stop, surroundings, services)
         self._diagnostics = self.create_publisher(DiagnosticArray, topics.DIAGNOSTICS, 10)
