@@ -46,7 +46,7 @@ class Surroundings:
         return ""
 
     def cloud(self) -> npt.NDArray[np.float32] | None:
-        """Place the camera in the planner's model; return the newest cloud (N, 3) [m, base frame], None without one.
+        """Return the newest cloud (N, 3) [m, base frame], None without one, once the planner avoids the camera.
 
         Raises:
             RequestError: while it is not known where the camera stands.
