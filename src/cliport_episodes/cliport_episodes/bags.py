@@ -100,8 +100,11 @@ def _whole_messages_of(file: Path, complain: Callable[[str], None]) -> Iterator[
         reader = Reader(file)
         reader.open()
     except Exception:  # as above
-        for topic, stamp_ns, data in whole_messages(file):
-            yield RawMessage(topic.name, topic.type, data, stamp_ns, topic.definition)
+        try:
+            for topic, stamp_ns, data in whole_messages(file):
+                yield RawMessage(topic.name, topic.type, data, stamp_ns, topic.definition)
+        except (OSError, ImportError) as error:
+            raise BagError(f"'{file}' cannot be read: {one_line(error)}") from None
         return
     try:
         yield from _read_open(reader, None, file.name, complain)

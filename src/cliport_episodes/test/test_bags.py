@@ -12,6 +12,7 @@ import pytest
 import yaml
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 
+from cliport_episodes import bags
 from cliport_episodes.bags import decode, read_messages
 from cliport_episodes.errors import BagError
 from cliport_episodes.message_types import known_types
@@ -88,6 +89,21 @@ def test_what_lies_before_a_tear_is_used_and_said(
     read = list(read_messages(path, complain=complaints.append))
     assert read == sent[: len(read)] and len(read) >= 1
     assert len(complaints) == 1 and f"{len(read)} whole messages" in complaints[0]
+
+
+@pytest.mark.parametrize("error", [PermissionError("permission denied"), ImportError("No module named 'lz4'")])
+def test_a_torn_file_that_cannot_be_opened_is_one_error(
+    tmp_path: Path, sent: list[RawMessage], monkeypatch: pytest.MonkeyPatch, error: Exception
+) -> None:
+    def refuse(_: Path) -> None:
+        raise error
+
+    path = write_bag(tmp_path / "bag", sent, StoragePlugin.MCAP)
+    file = path / "bag.mcap"
+    file.write_bytes(file.read_bytes()[:-100])
+    monkeypatch.setattr(bags, "whole_messages", refuse)
+    with pytest.raises(BagError, match=rf"bag.mcap' cannot be read: {error}"):
+        list(read_messages(path, complain=lambda _: None))
 
 
 def test_a_tear_loses_only_what_is_behind_it(tmp_path: Path, sent: list[RawMessage]) -> None:

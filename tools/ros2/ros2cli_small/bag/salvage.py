@@ -49,8 +49,11 @@ class TornFile:
                 f"'{self.path}' is torn, and what reads such files is not built yet: run tools/build and source env.sh"
             ) from None
         connections: dict[TornTopic, Connection] = {}
-        for topic, time, data in whole_messages(self.path):
-            if topic not in connections:
-                ext = ConnectionExtRosbag2(topic.encoding, parse_qos(topic.offered_qos))
-                connections[topic] = Connection(topic.key, topic.name, topic.type, NO_DEFINITION, "", 0, ext, None)
-            yield connections[topic], time, data
+        try:
+            for topic, time, data in whole_messages(self.path):
+                if topic not in connections:
+                    ext = ConnectionExtRosbag2(topic.encoding, parse_qos(topic.offered_qos))
+                    connections[topic] = Connection(topic.key, topic.name, topic.type, NO_DEFINITION, "", 0, ext, None)
+                yield connections[topic], time, data
+        except (OSError, ImportError) as error:
+            raise CommandError(f"'{self.path}' cannot be read: {' '.join(str(error).split())}") from None
