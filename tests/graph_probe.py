@@ -21,6 +21,7 @@ from cliport_benchmark.graph_client import GraphClient
 from cliport_interfaces.action import PickPlace
 
 STILL = 0.005  # rad/s: below this the arm counts as standing still
+_KEPT = 5000  # joint states that are remembered, 100 s of the simulator's
 
 
 class GraphProbe(GraphClient):
@@ -28,7 +29,7 @@ class GraphProbe(GraphClient):
 
     def __init__(self, domain_id: int) -> None:
         super().__init__("graph_probe", domain_id)
-        self._history: deque[tuple[float, float]] = deque(maxlen=5000)  # (wall time, fastest joint in rad/s)
+        self._history: deque[tuple[float, float]] = deque(maxlen=_KEPT)  # (wall time, fastest joint in rad/s)
         self._positions: dict[str, float] = {}
         self._node.create_subscription(JointState, "/joint_states", self._note_speed, qos_profile_sensor_data)
         self._pick_place = ActionClient(self._node, PickPlace, "/panda_executor/pick_place")
@@ -79,8 +80,12 @@ class GraphProbe(GraphClient):
         raise AssertionError(f"the arm still moves after {timeout} s")
 
     def fastest(self, since: float) -> float:
-        """The fastest joint speed since a wall time, rad/s; 0 where nothing was heard."""
-        return max((speed for stamp, speed in list(self._history) if stamp >= since), default=0.0)
+        """The fastest joint speed since a wall time, rad/s; fails where not all of that time was listened to."""
+        history = list(self._history)
+        heard = [speed for stamp, speed in history if stamp >= since]
+        assert heard, "no joint state was heard since then"
+        assert len(history) < _KEPT or history[0][0] < since, "what was heard first since then is forgotten"
+        return max(heard)
 
     def positions(self, names: list[str]) -> NDArray[np.float64]:
         """Return the joints' positions as they were last heard [rad]."""

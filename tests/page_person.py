@@ -14,7 +14,6 @@ import argparse
 import base64
 import math
 import os
-import shutil
 import signal
 import sys
 import time
@@ -27,9 +26,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 import page_eyes as eyes
+from browser_user import BrowserUser, chromium
 from numpy.typing import NDArray
 from page_eyes import Blob, find, inside
-from playwright.sync_api import Browser, Page, TimeoutError, expect, sync_playwright
+from playwright.sync_api import Browser, TimeoutError, expect, sync_playwright
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
@@ -42,11 +42,6 @@ OTHERS = {  # primitive: a task of it, and its sentence
     "sweep": ("sweeping-piles", "push the pile of blocks into the green square"),
     "fold": ("manipulating-rope", "manipulate the rope to complete the square"),
 }
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-BROWSER_ARGUMENTS = (
-    *("--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run"),
-    *("--disable-background-networking", "--disable-component-update", "--disable-sync"),
-)
 expect.set_options(timeout=20_000)
 SUCCEEDED = 0
 DATA_SET = "by-hand"
@@ -55,17 +50,17 @@ _ATTEMPTS = 8  # of a step that the arm does not carry through
 _REFUSAL = "#answer[data-ok=false]"  # its words may stand elsewhere on the page
 
 
-class Person:
-    """One at a page that is open in a browser."""
+class Person(BrowserUser):
+    """One at a page that is open in a browser, who sees the picture only."""
 
     def __init__(self, browser: Browser, address: str, album: Path | None = None) -> None:
         """album: a folder for a picture of the page in each of its main states."""
+        super().__init__(browser, address, patience=20.0, viewport={"width": 1280, "height": 900})
         self.album = album
-        self.page: Page = browser.new_context(viewport={"width": 1280, "height": 900}).new_page()
-        self.page.set_default_timeout(20_000)
-        self.faults: list[str] = []
-        self.page.on("pageerror", lambda error: self.faults.append(str(error)))
-        self.page.goto(address)
+
+    def sees(self, state: str, timeout: float | None = 60.0) -> None:
+        """Wait until the page says that the arm is in a state, as long as the simulated arm takes for most things."""
+        super().sees(state, timeout)
 
     def open_data_set(self, name: str) -> None:
         self.sees("ready")  # a new one is made when there is a picture
@@ -86,14 +81,6 @@ class Person:
         field = self.page.locator("#instruction")
         field.fill(sentence)
         field.press("Enter")
-
-    def sees(self, state: str, timeout: float = 60.0) -> None:
-        """Wait until the page says that the arm is in a state."""
-        words = self.page.locator("#state-words")
-        try:
-            self.page.locator(f"#state[data-state={state}]").wait_for(timeout=1000 * timeout)
-        except TimeoutError:
-            raise AssertionError(f"the page is not {state}; it says: {words.text_content()}") from None
 
     def is_free(self) -> None:
         """Wait until nothing is under way, whether it was well or badly that the last thing ended."""
@@ -180,16 +167,15 @@ class Person:
     def draws(self, end: str, blob: Blob, shape: tuple[int, ...], margin: float) -> bool:
         """A box around something; whether the page takes it."""
         (col, row), (wide, high) = blob.centre, blob.half
-        self.page.mouse.move(*self._at(col - wide - margin, row - high - margin, shape))
-        self.page.mouse.down()
-        self.page.mouse.move(*self._at(col + wide + margin, row + high + margin, shape), steps=4)
-        self.page.mouse.up()
+        start = self.pixel(row - high - margin, col - wide - margin, shape)
+        self.pull(start, self.pixel(row + high + margin, col + wide + margin, shape))
         return self._answered(f".end.{end} .end-words:has-text('points')")
 
     def turn(self, blob: Blob, shape: tuple[int, ...], angle: float) -> None:
         """Choose the pick and click beside its box, in a direction of the picture."""
         self.page.locator(".end.pick .end-name").click()
-        x, y = self._at(*blob.centre, shape)
+        col, row = blob.centre
+        x, y = self.pixel(row, col, shape)
         self.page.mouse.click(x + 60 * math.cos(angle), y + 60 * math.sin(angle))
 
     def end_episode(self, success: bool) -> None:
@@ -231,12 +217,6 @@ class Person:
         self.page.locator(f"{granted}, {_REFUSAL}").first.wait_for(state="attached")
         return self.page.locator(granted).count() > 0
 
-    def _at(self, col: float, row: float, shape: tuple[int, ...]) -> tuple[float, float]:
-        """Where a pixel of the picture is on the screen."""
-        area = self.page.locator("#overlay").bounding_box()
-        assert area is not None
-        return area["x"] + col * area["width"] / shape[1], area["y"] + row * area["height"] / shape[0]
-
 
 @dataclass
 class Workplace:
@@ -269,13 +249,12 @@ def workplace(root: Path, domain: int, speed: float) -> Iterator[Workplace]:
         sync_playwright() as driver,
     ):
         client.wait_ready(120.0, lambda: graph.alive)
-        browser = driver.chromium.launch(executable_path=CHROMIUM, args=list(BROWSER_ARGUMENTS))
-        place = Workplace(client, PageProcess(root / "sets", domain), browser, root, domain)
-        try:
-            yield place
-            browser.close()
-        finally:
-            place.app.end()
+        with chromium(driver) as browser:
+            place = Workplace(client, PageProcess(root / "sets", domain), browser, root, domain)
+            try:
+                yield place
+            finally:
+                place.app.end()
 
 
 def lay_out(person: Person, client: GraphClient, seed: int) -> int:

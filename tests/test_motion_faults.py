@@ -119,7 +119,7 @@ def test_random_goals_move_nothing_or_end_in_one_line(tmp_path: Path) -> None:
         GraphProbe(domain) as probe,
     ):
         probe.wait_ready(90.0, lambda: graph.alive)
-        start = time.monotonic()
+        checked = time.monotonic()
         for _ in range(1000):
             values = [float(random.choice(odd)) if random.random() < 0.4 else random.uniform(-1, 1) for _ in range(4)]
             handle = probe.send_pick_place((values[0], values[1]), (values[2], values[3]), plan_only=True)
@@ -130,7 +130,12 @@ def test_random_goals_move_nothing_or_end_in_one_line(tmp_path: Path) -> None:
                 PickPlace.Result.OUTCOME_PLANNED,
             )
             assert result.message and "\n" not in result.message
-        assert probe.fastest(start) < STILL
+            now = time.monotonic()
+            if now - checked > 1.0:  # more is forgotten in the end than is remembered
+                assert probe.fastest(checked) < STILL
+                checked = now
+        time.sleep(1.0)
+        assert probe.fastest(checked) < STILL
         assert graph.healthy
 
 

@@ -1,4 +1,4 @@
-"""The arm and the hand are stated once: only panda_model writes down their dimensions, limits and names."""
+"""The arm and the hand are stated once, in panda_model: their dimensions, limits and names; topics in cliport_core."""
 
 from __future__ import annotations
 
@@ -10,16 +10,13 @@ from pathlib import Path
 
 import pytest
 import yaml
+from house import is_hand, modules, topic_literals
 
 SOURCE = Path(__file__).resolve().parents[1] / "src"
 PRESETS = SOURCE / "panda_model/panda_model/presets"
 PACKAGES = sorted(
     p.name for p in SOURCE.iterdir() if (p / p.name / "__init__.py").is_file() and p.name != "panda_model"
 )
-# A name of a constant, field or argument that would state a dimension of the hand, or a bound of it.
-DIMENSION = re.compile(r"finger|jaw|palm|opening|gripper_width|max_width|hand_(half|width|depth|length)|tcp_in|widest")
-# What such names say beside dimensions: margins about the hand are the business of whoever keeps them.
-OTHERWISE = re.compile(r"margin|clearance|friction|force|fingerprint|words|period|max_width_px|height")
 NAME = re.compile(
     r"^/?(panda|fr3)_(joint|link|hand|finger|leftfinger|rightfinger|arm_controller|gripper)|^/?franka_gripper"
 )
@@ -93,7 +90,7 @@ def faults_in(text: str, where: str) -> list[str]:
     faults = [
         f"{where}:{line}: {name} is a dimension of the hand: take it from panda_model's HandModel"
         for name, value, line in stated(tree)
-        if DIMENSION.search(name.lower()) and not OTHERWISE.search(name.lower()) and is_number(value)
+        if is_hand(name) and is_number(value)
     ]
     telling, spoken = telling_numbers(), docstrings(tree)
     for node in ast.walk(tree):
@@ -112,6 +109,12 @@ def test_no_package_states_the_arm_or_the_hand_again(package: str) -> None:
     for path in sorted((SOURCE / package / package).rglob("*.py")):
         faults += faults_in(path.read_text(), str(path.relative_to(SOURCE / package)))
     assert not faults, "\n".join(faults)
+
+
+def test_no_module_states_a_topic_again() -> None:
+    known = modules(SOURCE.parent)
+    assert "cliport_core.topics" in known
+    assert not [found for module in known.values() for found in topic_literals(module)]
 
 
 @pytest.mark.parametrize(

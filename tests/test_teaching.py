@@ -7,6 +7,7 @@ import pytest
 pytest.importorskip("playwright.sync_api", reason="no Chromium's driver (playwright) on this machine")
 import page_eyes as eyes
 import page_person as teaching
+from browser_user import CHROMIUM
 from playwright.sync_api import expect
 from ros_domain import next_domain
 
@@ -14,7 +15,7 @@ from cliport_core.action import Primitive
 from cliport_episodes.data_set import DataSet
 
 pytestmark = [
-    pytest.mark.skipif(teaching.CHROMIUM is None, reason="no Chromium on this machine"),
+    pytest.mark.skipif(CHROMIUM is None, reason="no Chromium on this machine"),
     pytest.mark.timeout(400),
 ]
 

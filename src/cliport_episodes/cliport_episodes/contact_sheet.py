@@ -11,6 +11,7 @@ import numpy as np
 from cliport_core.pose import PlanarPose
 from cliport_episodes.demonstration import PixelBox
 from cliport_episodes.drawing import FAINT, INK, PICK_COLOR, PLACE_COLOR, Color, Picture, save_png, write_text
+from cliport_episodes.edits import verdict_words
 from cliport_episodes.errors import BagError
 from cliport_episodes.observation import Observation
 from cliport_episodes.reader import Episode, Step
@@ -36,7 +37,7 @@ def draw_contact_sheet(episode: Episode, path: Path) -> None:
     rows = max(1, math.ceil(len(cells) / columns))
     cell_height = height + _CAPTION
     sheet: Picture = np.full((40 + rows * cell_height, columns * (_WIDTH + 8), 3), 255, dtype=np.uint8)
-    verdict = {True: "success", False: "failure", None: "not marked"}[episode.success]
+    verdict = verdict_words(episode.success)
     write_text(sheet, f"{episode.name}   {len(episode.steps)} steps, {verdict}", 26, 8, 18)
     for number, cell in enumerate(cells):
         top, left = 40 + number // columns * cell_height, number % columns * (_WIDTH + 8)

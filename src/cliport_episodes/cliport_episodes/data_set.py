@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import filecmp
 import shutil
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,6 +24,18 @@ from cliport_episodes.statistics_picture import draw_statistics
 from cliport_episodes.summary import EpisodeIndex, EpisodeInfo
 
 __all__ = ["DataSet", "draw_statistics"]
+
+
+class Merged(NamedTuple):
+    """Result of a merge; added: names that the new episodes have here; n_offered: number of the other's episodes."""
+
+    added: tuple[str, ...]
+    n_offered: int
+
+    def words(self, other: str) -> str:
+        """Return the result as a phrase; other: name of the data set that was merged."""
+        rest = "" if len(self.added) == self.n_offered else "; the others were here already"
+        return f"{len(self.added)} of the {self.n_offered} episodes of {other} are added{rest}"
 
 
 class DataSet:
@@ -151,8 +164,8 @@ class DataSet:
         """Return counts over the steps."""
         return count_statistics(self.episodes(), self.setup.workspace)
 
-    def merge(self, other: Path) -> list[str]:
-        """Add the episodes of another data set, which is left unchanged; return the names of those that were added.
+    def merge(self, other: Path) -> Merged:
+        """Add the episodes of another data set, which is left unchanged.
 
         An episode that is here already, file by file, is not added again; one that shares only its name with an
         episode here gets another name.
@@ -166,19 +179,23 @@ class DataSet:
             raise DataSetError(f"data set '{self.name}' cannot be merged with itself: name another")
         if differences := source.setup.differences(self.setup):
             raise SetupDiffersError(self.name, differences)
-        added = [self._add(folder) for folder in source._folders(EPISODES)]
-        return [name for name in added if name is not None]
+        offered = source._folders(EPISODES)
+        added = [self._add(folder) for folder in offered]
+        return Merged(tuple(name for name in added if name is not None), len(offered))
 
-    def split(self, parts: Mapping[str, float], seed: int) -> dict[str, DataSet]:
+    def split(self, shares: Sequence[tuple[str, float]], seed: int) -> dict[str, DataSet]:
         """Split the episodes at random into new data sets `<this>_<part>` beside this one, which is left unchanged.
 
-        parts: by name, each one's share (at most 1 in all) or its number of episodes; seed: for the random order.
+        shares: each part's name, and its share (at most 1 in all) or its number of episodes; seed: for the random
+        order. Returns the new data sets by their parts.
 
         Raises:
-            DataSetError: when there are too few episodes, or one of the data sets exists; BadNameError, DiskError.
+            DataSetError: when two parts have one name, there are too few episodes, or one of the data sets exists.
+            BadNameError, DiskError.
         """
         if seed < 0:
             raise DataSetError(f"the seed of a split is {seed}: give 0 or more")
+        parts = _by_name(shares)
         folders = [self._folder(info.name) for info in self.episodes() if info.n_steps]
         counts = _counts(parts, len(folders))
         folder_of = self.path.resolve().parent
@@ -243,6 +260,15 @@ def _same_files(one: Path, other: Path) -> bool:
 
 def _span(numbers: Mapping[int, Path]) -> str:
     return f"{min(numbers)}..{max(numbers)}" if numbers else "none"
+
+
+def _by_name(shares: Sequence[tuple[str, float]]) -> dict[str, float]:
+    parts: dict[str, float] = {}
+    for name, share in shares:
+        if name in parts:
+            raise DataSetError(f"two parts have the name '{name}': give each its own")
+        parts[name] = share
+    return parts
 
 
 def _counts(parts: Mapping[str, float], available: int) -> dict[str, int]:

@@ -10,6 +10,8 @@ from cliport_core.action import PickPlaceAction
 from cliport_core.outcome import ActionResult
 from cliport_episodes.errors import RecordError
 
+NOT_MOVED = "recorded without moving"  # in place of an outcome
+
 
 class Source(IntEnum):
     """Origin of a step: a person, the policy or both. Values as in the Demonstration message."""
@@ -80,6 +82,6 @@ class StepRecord:
     def ending(self) -> str:
         """Result in words."""
         if self.result is None:
-            return "recorded without moving"
+            return NOT_MOVED
         words = self.result.outcome.label
         return f"{words}: {self.result.message}" if self.result.message else words

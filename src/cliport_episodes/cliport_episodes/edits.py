@@ -9,7 +9,13 @@ from dataclasses import dataclass, field
 from cliport_episodes.errors import BagError
 
 FORMAT = "1"
+MARKS: Mapping[str, bool | None] = {"success": True, "failure": False, "unmarked": None}  # by their words
 _SUCCESS = {"true": True, "false": False, "unmarked": None}
+
+
+def verdict_words(success: bool | None) -> str:
+    """Return the word for an episode's mark; None: nobody judged."""
+    return next(word for word, mark in MARKS.items() if mark is success)
 
 
 @dataclass(frozen=True)

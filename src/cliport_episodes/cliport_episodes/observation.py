@@ -50,7 +50,9 @@ class Observation:
 def observation_from_messages(messages: Iterable[RawMessage], where: str, setup: CaptureSetup) -> Observation:
     """Return the observation in the messages of one step, by the latest of each topic; where: the step, for errors.
 
-    Where the transforms do not connect camera and base, the setup's calibration is used.
+    The camera model is the setup's: camera_info alone does not say whether the images are rectified already. For
+    images of another size it is camera_info's, as of raw images. Where the transforms do not connect camera and base,
+    the setup's calibration is used.
 
     Raises:
         ObservationError: when a topic is missing, or a message cannot be used.
@@ -76,7 +78,7 @@ def observation_from_messages(messages: Iterable[RawMessage], where: str, setup:
             stamp_ns=stamp_of(color),
             color=np.array(decode_color(_buffer(color))),  # the decoded message's own pixels cannot be drawn on
             depth_m=decode_depth(_buffer(depth)),
-            camera=camera_from_info(info),
+            camera=_camera(info, setup),
             camera_in_base=_camera_in_base(tree, info.header.frame_id, setup),
             joint_positions=joints,
         )
@@ -99,6 +101,12 @@ def camera_from_info(info: Any) -> CameraModel:
         distortion_model=info.distortion_model,
         distortion=tuple(float(v) for v in info.d),
     )
+
+
+def _camera(info: Any, setup: CaptureSetup) -> CameraModel:
+    if (info.width, info.height) == (setup.camera.width, setup.camera.height):
+        return setup.camera
+    return camera_from_info(info)
 
 
 def put_transforms(tree: TransformTree, message: Any) -> None:

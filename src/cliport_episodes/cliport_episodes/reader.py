@@ -98,7 +98,7 @@ def read_steps(path: Path) -> StepsRead:
         if not edits.keeps(number):
             continue
         try:
-            record = _record(file, complaints)
+            record = read_record(file, complaints)
             instruction = edits.instructions.get(number, record.instruction)
             records.append(replace(record, step=number, instruction=instruction))
         except BagError as error:
@@ -107,8 +107,14 @@ def read_steps(path: Path) -> StepsRead:
     return StepsRead(edits, tuple(records), tuple(complaints))
 
 
-def _record(file: Path, complaints: list[str]) -> StepRecord:
-    messages = list(read_messages(file, {topics.DEMONSTRATION}, complaints.append))
+def read_record(file: Path, complaints: list[str] | None = None) -> StepRecord:
+    """Read the record in a step's file, as it was recorded; complaints: takes a line about each part that is torn.
+
+    Raises:
+        BagError: when the file holds no usable record.
+    """
+    complain = (lambda _: None) if complaints is None else complaints.append
+    messages = list(read_messages(file, {topics.DEMONSTRATION}, complain))
     if not messages:
         raise BagError(f"'{file.name}' holds no demonstration")
     return record_from_message(messages[-1])

@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from cliport_core.pose import PlanarPose
 from cliport_core.workspace import WorkspaceSpec
+from cliport_episodes.edits import verdict_words
 from cliport_episodes.summary import EpisodeInfo
 
 COLOR_WORDS = (
@@ -95,13 +96,12 @@ def count_statistics(episodes: Iterable[EpisodeInfo], workspace: WorkspaceSpec) 
         color_words += [word for word in COLOR_WORDS if word in words]
     picks, missed_picks = _grid([record.action.pick for record in records], workspace)
     places, missed_places = _grid([record.action.place for record in records], workspace)
-    marks = {True: "success", False: "failure", None: "unmarked"}
     return Statistics(
         workspace=workspace,
         n_episodes=len(counted),
         n_steps=len(records),
         n_executed=sum(record.result is not None for record in records),
-        success=_ranked(marks[episode.success] for episode in counted),
+        success=_ranked(verdict_words(episode.success) for episode in counted),
         instructions=_ranked(record.instruction for record in records),
         color_words=_ranked(color_words),
         primitives=_ranked(record.action.primitive.label for record in records),

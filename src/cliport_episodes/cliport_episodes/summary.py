@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from cliport_core.action import PickPlaceAction, Primitive
-from cliport_core.outcome import ActionResult, Outcome
+from cliport_core.outcome import ActionResult, Outcome, Refusal
 from cliport_core.pose import PlanarPose
 from cliport_episodes.demonstration import PixelBox, Source, StepRecord
 from cliport_episodes.disk import replace_text
@@ -118,4 +118,9 @@ def _action(values: Mapping[str, Any]) -> PickPlaceAction:
 
 def _result(values: Mapping[str, Any]) -> ActionResult:
     centroid = values["grasp_centroid"] and tuple(values["grasp_centroid"])
-    return ActionResult(**{**values, "outcome": Outcome(values["outcome"]), "grasp_centroid": centroid})
+    changed = {
+        "outcome": Outcome(values["outcome"]),
+        "refusal": Refusal(values["refusal"]),
+        "grasp_centroid": centroid,
+    }
+    return ActionResult(**{**values, **changed})

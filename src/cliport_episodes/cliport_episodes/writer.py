@@ -36,6 +36,7 @@ from cliport_episodes.episode_folder import (
 from cliport_episodes.errors import BagError, EpisodeError, SetupDiffersError
 from cliport_episodes.names import check_instruction, check_name
 from cliport_episodes.raw import RawMessage
+from cliport_episodes.reader import read_record
 
 
 class EpisodeWriter:
@@ -173,11 +174,12 @@ class EpisodeWriter:
         """Return True if the step that was undone last can come back: none was added since."""
         return self._is_open and self._undone() is not None
 
-    def restore_step(self) -> None:
-        """Bring back the step that was undone last.
+    def restore_step(self) -> StepRecord:
+        """Restore the step that was undone last; return its record.
 
         Raises:
-            EpisodeError: when no step was undone, or another was added since. DiskError.
+            EpisodeError: when no step was undone, or another was added since.
+            BagError: when its record cannot be read; it is not brought back then. DiskError.
         """
         self._check_open()
         found = self._undone()
@@ -186,6 +188,7 @@ class EpisodeWriter:
         self._reopen()
         source, made = found
         number = max(self._steps, default=-1) + 1
+        record = replace(read_record(source), step=number)
         path = self.path / step_name(number)
         with disk_errors(path):
             move(source, path)
@@ -196,6 +199,7 @@ class EpisodeWriter:
                 del self._steps[number]
                 move(path, source)
                 raise
+        return record
 
     def _undone(self) -> tuple[Path, BagFile] | None:
         """Return the undone step that would come next; None where it is older than the present last step."""

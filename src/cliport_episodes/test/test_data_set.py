@@ -187,7 +187,7 @@ def test_merging_keeps_both(data_set: DataSet, setup: CaptureSetup, add_episode:
     add_episode(other.path, 2, "a")
     add_episode(other.path, 1, "b", False)
     theirs = raw_files(other)
-    assert data_set.merge(other.path) == ["a-2", "b"]
+    assert data_set.merge(other.path) == (("a-2", "b"), 2)
     assert [(e.name, e.n_steps) for e in data_set.episodes()] == [("a", 1), ("a-2", 2), ("b", 1)]
     assert data_set.episode("b").success is False
     data_set.mark("b", True)
@@ -200,16 +200,16 @@ def test_merging_keeps_what_differs_though_it_has_the_same_name_and_steps(
     other = DataSet.create(tmp_path / "other", setup)
     add_episode(data_set.path, 2, "a", instruction="to the left")
     add_episode(other.path, 2, "a", instruction="to the right")
-    assert data_set.merge(other.path) == ["a-2"]
+    assert data_set.merge(other.path).added == ("a-2",)
     assert [e.instructions[0] for e in data_set.episodes()] == ["to the left", "to the right"]
-    assert data_set.merge(other.path) == []  # it is here already, by its other name
+    assert data_set.merge(other.path).added == ()  # it is here already, by its other name
 
 
 def test_merging_again_adds_nothing(data_set: DataSet, setup: CaptureSetup, add_episode: Add, tmp_path: Path) -> None:
     other = DataSet.create(tmp_path / "other", setup)
     add_episode(other.path, 1, "a")
-    assert data_set.merge(other.path) == ["a"]
-    assert data_set.merge(other.path) == []
+    assert data_set.merge(other.path) == (("a",), 1)
+    assert data_set.merge(other.path).added == ()
     with pytest.raises(DataSetError, match="itself"):
         data_set.merge(data_set.path / ".." / data_set.name)
 
@@ -230,17 +230,18 @@ def test_data_of_another_setup_is_not_mixed(data_set: DataSet, setup: CaptureSet
 
 def test_splitting_deals_out_each_episode_once(data_set: DataSet, add_episode: Add) -> None:
     names = {add_episode(data_set.path, 1, f"e{n}") for n in range(5)}
-    parts = data_set.split({"train": 0.8, "val": 0.2}, seed=3)
+    parts = data_set.split([("train", 0.8), ("val", 0.2)], seed=3)
     dealt = {part: {info.name for info in made.episodes()} for part, made in parts.items()}
     assert [len(dealt["train"]), len(dealt["val"])] == [4, 1] and dealt["train"] | dealt["val"] == names
     assert parts["train"].path == data_set.path.with_name("blocks_train")
     assert parts["val"].episode(dealt["val"].pop()).steps[0].observation().color.any()
     assert len(data_set.episodes()) == 5
     with pytest.raises(DataSetError, match="'blocks_train' exists"):
-        data_set.split({"train": 1}, seed=3)
-    again = data_set.split({"few": 2, "rest": 2}, seed=3)
+        data_set.split([("train", 1)], seed=3)
+    again = data_set.split([("few", 2), ("rest", 2)], seed=3)
     assert [len(made.episodes()) for made in again.values()] == [2, 2]
-    for parts_wanted in ({"x": 6.0}, {"x": 0.9, "y": 0.2}, {"x": -0.1}, {"x": 0.001}, {}):
+    twice = [("x", 0.8), ("x", 0.2)]
+    for parts_wanted in ([("x", 6.0)], [("x", 0.9), ("y", 0.2)], [("x", -0.1)], [("x", 0.001)], [], twice):
         with pytest.raises(DataSetError):
             data_set.split(parts_wanted, seed=0)
 
@@ -250,7 +251,7 @@ def test_the_seed_decides_who_gets_which_episode(data_set: DataSet, add_episode:
         add_episode(data_set.path, 1, f"e{n}")
 
     def dealt(seed: int, part: str) -> frozenset[str]:
-        parts = data_set.split({part: 3}, seed)
+        parts = data_set.split([(part, 3)], seed)
         return frozenset(info.name for info in parts[part].episodes())
 
     by_seed = [dealt(seed, f"seed{seed}") for seed in range(6)]
@@ -281,4 +282,4 @@ def test_a_data_set_can_be_moved(
     assert moved.name == "elsewhere" and moved.episodes()[0].name == name
     moved.mark(name, False)
     assert str(tmp_path) not in (tmp_path / "elsewhere" / "index.json").read_text()
-    assert list(moved.split({"all": 1.0}, 0)["all"].episodes())
+    assert list(moved.split([("all", 1.0)], 0)["all"].episodes())

@@ -33,7 +33,7 @@ def seen(setup: CaptureSetup) -> Observation:
 
 def test_an_observation_comes_back(seen: Observation, setup: CaptureSetup) -> None:
     messages = messages_from_observation(seen, setup.camera_frame, setup.base_frame)
-    back = observation_from_messages(messages, "here", setup)
+    back = observation_from_messages(messages, "here", replace(setup, camera=seen.camera))
     assert (back.stamp_ns, back.camera, back.joint_positions) == (STAMP, seen.camera, seen.joint_positions)
     np.testing.assert_array_equal(back.color, seen.color)
     assert np.isnan(back.depth_m[:2]).all()
@@ -52,3 +52,11 @@ def test_every_message_says_when_it_was_sent_and_received(seen: Observation) -> 
     assert (link.header.frame_id, link.child_frame_id) == ("panda_link0", "camera")
     state = decoded["/joint_states"]
     assert (list(state.velocity), list(state.effort)) == ([0.5, 0.0], [3.0, 0.0])
+
+
+def test_the_camera_of_rectified_images_is_the_setups(seen: Observation, setup: CaptureSetup) -> None:
+    """The K and D of camera_info are those of raw images."""
+    messages = messages_from_observation(seen, setup.camera_frame, setup.base_frame)
+    assert observation_from_messages(messages, "here", setup).camera == setup.camera
+    smaller = replace(setup, camera=replace(setup.camera, width=32, height=24))
+    assert observation_from_messages(messages, "here", smaller).camera == seen.camera

@@ -94,7 +94,7 @@ def test_bars_are_as_long_as_their_counts(record: StepRecord, texts: list[Text],
     assert [len(cols) - 1 for cols in lengths] == [380, round(380 / 3)]
 
 
-@pytest.mark.parametrize(("mark", "word"), [(True, "success"), (False, "failure"), (None, "not marked")])
+@pytest.mark.parametrize(("mark", "word"), [(True, "success"), (False, "failure"), (None, "unmarked")])
 def test_a_sheet_says_how_the_episode_was_marked(
     data_set: DataSet,
     add_episode: Callable[..., str],

@@ -82,6 +82,20 @@ def test_the_picture_shows_the_bias(record: StepRecord, tmp_path: Path) -> None:
         draw_statistics(s, tmp_path / "nowhere" / "s.png")
 
 
+def test_every_bias_is_on_the_picture(record: StepRecord, tmp_path: Path) -> None:
+    """A square table, ten instructions and a long list of biases."""
+    workspace = WorkspaceSpec(x_min=0.0, x_max=1.0, y_min=-0.5, y_max=0.5)
+    action = replace(record.action, pick=PlanarPose(0.1, -0.4, 0.0), place=PlanarPose(0.1, -0.4, 0.0))
+    records = tuple(replace(record, action=action, instruction=f"put it on {n} red ones") for n in range(10))
+    s = count_statistics([EpisodeInfo("0", True, True, 0, (), records * 2)], workspace)
+    assert len(s.biases()) > 4
+    draw_statistics(s, tmp_path / "s.png")
+    picture = cv2.imread(str(tmp_path / "s.png"))
+    assert picture is not None
+    lines = [picture[row - 20 : row] for row in range(len(picture) - 26 * (len(s.biases()) - 1), len(picture), 26)]
+    assert len(lines) > 3 and all((line != 255).any() for line in lines)
+
+
 def test_a_sheet_shows_each_step_and_its_boxes(
     data_set: DataSet, add_episode: Callable[..., str], tmp_path: Path
 ) -> None:

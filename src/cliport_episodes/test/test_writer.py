@@ -262,7 +262,8 @@ def test_the_only_step_comes_back(writer: EpisodeWriter, scene: Scene, record: S
     writer.add_step(scene(0), record)
     writer.undo_step()
     assert writer.n_steps == 0
-    writer.restore_step()
+    restored = writer.restore_step()
+    assert restored == read_episode(writer.path).steps[0].record and restored.instruction == record.instruction
     assert writer.n_steps == 1
 
 

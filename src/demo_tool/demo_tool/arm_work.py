@@ -26,6 +26,7 @@ from demo_tool.work import Job
 
 T = TypeVar("T")
 _CLOSE_TIMEOUT = 1.0  # for the end of a cancelled goal [s]
+_NOT_FOUND_OUT = (Outcome.CANCELLED, Outcome.EXECUTION_FAILED)  # of a plan: nothing is known about the action
 EXPECTED_ERRORS = (StationError, EpisodesError, CoreError, OSError)
 
 
@@ -56,38 +57,37 @@ class ArmWork:
         self._request: ProposalRequest | None = None
         self._is_writing = False
         self.stopped = False
+        self.stop_failure = ""  # why the arm may move although it was stopped
         self.proposal: ActionGoal | None = None
         self.plan: dict[str, object] | None = None
 
     @property
     def activity(self) -> Activity:
         """Present activity."""
-        if self._is_writing:
-            return Activity.RECORDING
-        if self._motion is not None:
-            return Activity.EXECUTING if self._motion.moved else Activity.PLANNING
-        return Activity.PROPOSING if self._request is not None else Activity.NONE
+        return self.present()[0]
 
-    @property
-    def words(self) -> str:
-        """Present activity as a phrase."""
-        if self._motion is not None:
-            return phase_words(self._motion.phase)
-        return {
-            Activity.RECORDING: "writing to the disk",
-            Activity.PROPOSING: "the policy is looking",
-        }.get(self.activity, "")
+    def present(self) -> tuple[Activity, str]:
+        """Return the present activity and a phrase for it, both of one moment."""
+        motion = self._motion  # read once: another thread may end it meanwhile
+        if self._is_writing:
+            return Activity.RECORDING, "writing to the disk"
+        if motion is not None:
+            return Activity.EXECUTING if motion.moved else Activity.PLANNING, phase_words(motion.phase)
+        if self._request is not None:
+            return Activity.PROPOSING, "the policy is looking"
+        return Activity.NONE, ""
 
     @property
     def progress(self) -> tuple[str, float]:
         """Phase of the motion, and the share of it that is done."""
-        return ("", 0.0) if self._motion is None else (self._motion.phase, self._motion.progress)
+        motion = self._motion
+        return ("", 0.0) if motion is None else (motion.phase, motion.progress)
 
     def refuse_when_busy(self) -> None:
         """Raise NotNowError while an activity goes on."""
-        activity = self.activity
+        activity, words = self.present()
         if activity is not Activity.NONE:
-            raise NotNowError(f"busy {activity.value} ({self.words}): wait for its end, or stop")
+            raise NotNowError(f"busy {activity.value} ({words}): wait for its end, or stop")
 
     def refuse_motion(self) -> None:
         """Raise NotNowError when the arm must not or cannot be asked for anything."""
@@ -180,22 +180,28 @@ class ArmWork:
         """Request for a proposal that is not answered yet."""
         return self._request
 
-    def stop(self, reason: str) -> str:
-        """Stop the arm until `resume`, before waiting for the lock; return a sentence for the page."""
+    def stop(self, reason: str) -> tuple[bool, str]:
+        """Stop the arm until `resume`, before waiting for the lock.
+
+        Returns True if nothing is known that keeps the stop from the arm, and a sentence for the page. A stop that
+        turns out not to have reached the arm is announced as a failure.
+        """
         self.stopped = True
-        self._arm.stop(reason)
+        self._arm.stop(reason, self._on_stop_failure)
         fault = self._arm.fault()
         with self._bulletin.lock:
             if self._motion is not None:
                 self._motion.cancel(self._clock())
             if self._request is not None:
                 self._request.cancel("stopped")
-        return "stopped: nothing moves until you resume" + (f"; but {fault}" if fault is not None else "")
+        if fault is not None:
+            return False, f"STOP may not have reached the arm: {fault}"
+        return True, "stopped: nothing moves until you resume"
 
     def resume(self) -> str:
         """End a stop; return a sentence for the page."""
         self._arm.resume()
-        self.stopped = False
+        self.stopped, self.stop_failure = False, ""
         return "ready again; look where the arm and the objects are"
 
     def close(self) -> None:
@@ -226,6 +232,12 @@ class ArmWork:
         if self._hooks.policy_moves():
             raise NotNowError("the policy server is moving the arm: wait for its end, or stop")
 
+    def _on_stop_failure(self, words: str) -> None:
+        with self._bulletin.lock:
+            if self.stopped:
+                self.stop_failure = words
+                self._bulletin.fail(words)
+
     def _start(self, motion: Motion) -> None:
         with self._bulletin.lock:
             self.refuse_when_busy()
@@ -242,6 +254,9 @@ class ArmWork:
             self._motion = None
             reachable = result.outcome is Outcome.PLANNED
             words = result.message or outcome_words(result.outcome)
+            if result.outcome in _NOT_FOUND_OUT:
+                self._bulletin.fail(f"it was not found out whether the arm can do this: {words}")
+                return
             self.plan = {"reachable": reachable, "words": words}
             if reachable:
                 self._bulletin.say(f"the arm can do this: {words}")

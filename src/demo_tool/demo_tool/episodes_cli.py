@@ -11,11 +11,10 @@ from cliport_core.command_line import CommandParser
 from cliport_episodes.checks import check_episode
 from cliport_episodes.contact_sheet import draw_contact_sheet
 from cliport_episodes.data_set import DataSet, draw_statistics
+from cliport_episodes.edits import MARKS, verdict_words
 from cliport_episodes.errors import EpisodesError
+from cliport_episodes.statistics import SQUARE
 from cliport_episodes.summary import EpisodeInfo
-
-_MARKS = {"success": True, "failure": False, "unmarked": None}
-_WORDS = {value: word for word, value in _MARKS.items()}
 
 Command = Callable[[DataSet, argparse.Namespace], "int | None"]
 AddCommand = Callable[[str, Command, str], argparse.ArgumentParser]
@@ -32,6 +31,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 1
     except BrokenPipeError:  # as in `… | head`
         sys.stderr.close()
+        return 1
+    except OSError as error:  # a folder or file that cannot be read
+        print(f"error: {error.filename or options.data_set}: {error.strerror or error}", file=sys.stderr)
         return 1
     except KeyboardInterrupt:
         print("error: interrupted", file=sys.stderr)
@@ -52,7 +54,7 @@ def _list(data_set: DataSet, options: argparse.Namespace) -> None:
 
 
 def _line(info: EpisodeInfo) -> str:
-    state = _WORDS[info.success] if info.finished else "unfinished"
+    state = verdict_words(info.success) if info.finished else "unfinished"
     return f"{info.name}  {info.n_steps:3d} steps  {state:10s}  {' | '.join(info.instructions)}"
 
 
@@ -79,7 +81,7 @@ def _relabel(data_set: DataSet, options: argparse.Namespace) -> None:
 
 def _mark(data_set: DataSet, options: argparse.Namespace) -> None:
     for name in options.episodes:
-        data_set.mark(name, _MARKS[options.mark])
+        data_set.mark(name, MARKS[options.mark])
 
 
 def _trim(data_set: DataSet, options: argparse.Namespace) -> None:
@@ -103,13 +105,11 @@ def _empty_trash(data_set: DataSet, _: argparse.Namespace) -> None:
 
 def _merge(data_set: DataSet, options: argparse.Namespace) -> None:
     for other in options.others:
-        added, all_there = data_set.merge(other), DataSet.open(other).episodes()
-        _say(f"{len(added)} of the {len(all_there)} episodes of {other} added: the others were here already")
+        _say(data_set.merge(other).words(str(other)))
 
 
 def _split(data_set: DataSet, options: argparse.Namespace) -> None:
-    parts = dict(options.parts)
-    for made in data_set.split(parts, options.seed).values():
+    for made in data_set.split(options.parts, options.seed).values():
         _say(f"{made.name}: {len(made.episodes())} episodes")
 
 
@@ -128,7 +128,7 @@ def _stats(data_set: DataSet, options: argparse.Namespace) -> None:
             _say(f"{title:12s} {count:5d}  {name}")
     for title, counts_at in (("picks in", statistics.picks), ("places in", statistics.places)):
         squares = statistics.squares(counts_at)
-        _say(f"{title:12s} {(squares > 0).sum():5d}  of {squares.size} squares of 10 cm")
+        _say(f"{title:12s} {(squares > 0).sum():5d}  of {squares.size} squares of {100 * SQUARE:.0f} cm")
     for line in statistics.biases():
         _say(f"! {line}")
     out = options.out or Path(f"{data_set.name}_statistics.png")
@@ -186,7 +186,7 @@ def _add_edits(add: AddCommand) -> None:
     command.add_argument("text")
     command.add_argument("--step", type=int, metavar="N")
     command = add("mark", _mark, "say whether episodes show what was asked for")
-    command.add_argument("mark", choices=sorted(_MARKS))
+    command.add_argument("mark", choices=sorted(MARKS))
     command.add_argument("episodes", nargs="+", metavar="episode")
     command = add("trim", _trim, "let only some steps count; without options, all again")
     command.add_argument("episode")

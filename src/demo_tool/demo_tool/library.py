@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import Any
 
 from cliport_episodes.data_set import DataSet, draw_statistics
+from cliport_episodes.edits import verdict_words
 from cliport_episodes.names import check_name
 from demo_tool.arguments import number_of, text_of
 from demo_tool.errors import CommandError, NotNowError
 from demo_tool.live_view import ColorImage
 from demo_tool.recording import Recorder, step_shown
-from demo_tool.wording import verdict_words
 
 _MAX_STEP = 100_000
 _MAX_PARTS = 10
@@ -121,11 +121,8 @@ class Library:
     def _merge(self, arguments: Mapping[str, Any]) -> dict[str, Any]:
         """Merge another data set of the same folder into the open one."""
         data_set, name = self._open(), text_of(arguments, "other")
-        other = self._root / check_name("data set", name)
-        there = len(DataSet.open(other).episodes())
-        added = len(data_set.merge(other))
-        rest = "" if added == there else "; the others were here already"
-        return {"words": f"{added} of the {there} episodes of {name} are added{rest}"}
+        merged = data_set.merge(self._root / check_name("data set", name))
+        return {"words": merged.words(name)}
 
     def _split(self, arguments: Mapping[str, Any]) -> dict[str, Any]:
         """Split the open data set into new ones beside it."""
@@ -138,17 +135,19 @@ class Library:
         return {"words": f"{counts}; {data_set.name} stays as it is"}
 
 
-def _parts_of(arguments: Mapping[str, Any]) -> dict[str, float]:
-    """Return each part's share, or number of episodes, from [[name, share], …]. Raises CommandError, BadNameError."""
+def _parts_of(arguments: Mapping[str, Any]) -> list[tuple[str, float]]:
+    """Return each part's name and share, or number of episodes, from [[name, share], …].
+
+    Raises:
+        CommandError, BadNameError.
+    """
     value = arguments.get("parts")
     entries = value if isinstance(value, list) and 0 < len(value) <= _MAX_PARTS else [None]  # None is refused below
-    parts: dict[str, float] = {}
+    parts: list[tuple[str, float]] = []
     for entry in entries:
         match entry:
             case [str(name), int(share) | float(share)] if not isinstance(share, bool) and abs(share) <= _MAX_EPISODES:
-                if check_name("part", name) in parts:
-                    raise CommandError(f"two parts have the name '{name}': give each its own")
-                parts[name] = share
+                parts.append((check_name("part", name), share))
             case _:
                 raise CommandError(
                     f"'parts' must be 1 to {_MAX_PARTS} pairs of a name and a share, as in [['train', 0.8], "

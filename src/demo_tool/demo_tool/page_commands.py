@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
+from cliport_episodes.edits import verdict_words
 from demo_tool.arguments import box_of, instruction_of, number_of, primitive_of, text_of, verdict_of
 from demo_tool.arm_work import ArmWork
 from demo_tool.camera_watch import BEFORE_REST, CameraWatch
@@ -17,7 +18,6 @@ from demo_tool.live_view import LiveView
 from demo_tool.recording import Recorder
 from demo_tool.station_config import StationConfig
 from demo_tool.steps import setup_of
-from demo_tool.wording import verdict_words
 
 Answer = dict[str, Any]
 Arguments = Mapping[str, Any]
@@ -60,7 +60,7 @@ class PageCommands:
         return {
             "instruction": self._set_instruction,
             "mark": self._mark,
-            "stop": lambda _: _answer(self._work.stop("stopped on the page")),
+            "stop": self._stop,
             "resume": lambda _: _answer(self._work.resume()),
         }
 
@@ -84,6 +84,10 @@ class PageCommands:
             "correct": self._correct,
         }
 
+    def _stop(self, _: Arguments) -> Answer:
+        ok, words = self._work.stop("stopped on the page")
+        return {"ok": ok, "words": words}
+
     def _set_instruction(self, arguments: Arguments) -> Answer:
         self.instruction = instruction_of(arguments)
         return _answer("the instruction is set" if self.instruction else "the instruction is empty")
@@ -103,8 +107,9 @@ class PageCommands:
         name = text_of(arguments, "name")
         view = self._watch.view
         setup = setup_of(view, self._config) if view is not None else None
+        words = self._work.write_to_disk(lambda: self._recorder.open(name, setup))
         self.verdict = None
-        return _answer(self._work.write_to_disk(lambda: self._recorder.open(name, setup)))
+        return _answer(words)
 
     def _set_primitive(self, arguments: Arguments) -> Answer:
         primitive = primitive_of(arguments)

@@ -46,6 +46,7 @@ class PageView:
         problem = self._watch.problem(now_ns, self._clock())
         state, words = self._state(problem)
         phase, progress = self._work.progress
+        unsaved = self._work.unsaved  # read once: the thread that writes changes it without the lock
         return {
             "state": state,
             "words": words,
@@ -60,7 +61,7 @@ class PageView:
             "data_set": self._recorder.data_set_name,
             "episode": self._recorder.episode,
             "verdict": self._page.verdict,
-            "unsaved": self._work.unsaved.words if self._work.unsaved is not None else None,
+            "unsaved": unsaved.words if unsaved is not None else None,
             "data_sets": list(self._recorder.data_set_names),
             "policy": {
                 "state": policy_state,
@@ -73,12 +74,13 @@ class PageView:
         }
 
     def _state(self, problem: str | None) -> tuple[str, str]:
-        work = self._work
-        if work.stopped:
-            running = f" (still {work.activity.value})" if work.activity is not Activity.NONE else ""
-            return "stopped", f"Stopped{running}: nothing moves until you resume."
-        if work.activity is not Activity.NONE:
-            return work.activity.value, f"{work.activity.value.capitalize()}: {work.words}."
+        activity, words = self._work.present()
+        if self._work.stopped:
+            running = f" (still {activity.value})" if activity is not Activity.NONE else ""
+            words = self._work.stop_failure or "nothing moves until you resume"
+            return "stopped", f"Stopped{running}: {words}."
+        if activity is not Activity.NONE:
+            return activity.value, f"{activity.value.capitalize()}: {words}."
         if problem is not None and not (self._bulletin.failure and problem == BEFORE_REST):
             return ("waiting_for_camera" if self._watch.view is None else "stale"), _sentence(problem)
         if self._bulletin.failure:

@@ -10,6 +10,7 @@ from cliport_core.outcome import ActionResult
 
 OnPhase = Callable[[str, float], None]  # name of the phase as the executor gives it, share done
 OnEnd = Callable[[ActionResult], None]
+OnFailure = Callable[[str], None]  # one line for a person
 
 ACCEPTED = "ACCEPTED"  # the phase that an arm reports when it has taken a goal
 RESTING = frozenset({ACCEPTED, "VALIDATING", "GRASP_PLANNING", "APPROVAL"})  # phases in which nothing moves yet
@@ -27,8 +28,8 @@ class Arm(Protocol):
     def cancel(self) -> None:
         """Cancel the present goal, if there is one."""
 
-    def stop(self, reason: str) -> None:
-        """Cancel the goal, and refuse every goal, from whomever, until `resume`."""
+    def stop(self, reason: str, on_failure: OnFailure) -> None:
+        """Cancel the goal, and refuse every goal, from whomever, until `resume`; on_failure: told if that fails."""
 
     def resume(self) -> None:
         """End a stop."""

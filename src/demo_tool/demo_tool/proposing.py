@@ -15,9 +15,11 @@ _CHECK_TIMEOUT = 3.0  # for the server's answer about its parameter [s]
 
 
 class _Stage(Enum):
-    CHECKING = "whether the policy server waits for approval"
-    ASKED = "the policy's proposal"
-    ENDED = "nothing"
+    """Stage of a request; the value says what was waited for in vain."""
+
+    CHECKING = "no answer came as to whether the policy server waits for approval"
+    ASKED = "the policy's proposal did not come in time"
+    ENDED = ""
 
 
 class ProposalRequest:
@@ -90,7 +92,7 @@ class ProposalRequest:
     def tick(self, now: float) -> None:
         """End a request that has waited too long; to be called often. now: as for `begin`."""
         if self._stage is not _Stage.ENDED and now > self._deadline:
-            self.cancel(f"waited in vain for {self._stage.value}: is the policy server running?")
+            self.cancel(f"{self._stage.value}: is the policy server running?")
 
     def _finish_when_complete(self) -> None:
         stamps = {stamp_ns for _, stamp_ns in self._poses.values()}

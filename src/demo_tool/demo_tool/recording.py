@@ -10,15 +10,15 @@ from typing import Any
 
 from cliport_episodes.capture_setup import CaptureSetup
 from cliport_episodes.data_set import DataSet
-from cliport_episodes.demonstration import StepRecord
+from cliport_episodes.demonstration import NOT_MOVED, StepRecord
 from cliport_episodes.episode_folder import EPISODES
 from cliport_episodes.errors import EpisodeError, SetupDiffersError
 from cliport_episodes.names import check_name
 from cliport_episodes.raw import RawMessage
-from cliport_episodes.reader import read_steps
+from cliport_episodes.summary import EpisodeInfo
 from cliport_episodes.writer import EpisodeWriter
 from demo_tool.errors import NotNowError, StationError
-from demo_tool.wording import NOT_MOVED, outcome_words
+from demo_tool.wording import outcome_words
 
 _HISTORY = 20  # recent instructions that are kept
 
@@ -53,7 +53,8 @@ class Recorder:
     def open(self, name: str, setup: CaptureSetup | None) -> str:
         """Open a data set, or make it, and resume its unfinished episode; return a sentence for the page.
 
-        setup: the present one; None when not known yet, then it is compared before the next step.
+        setup: the present one; None when not known yet, then it is compared before the next step. What was open before
+        stays open where an error is raised.
 
         Raises:
             NotNowError: when the data set is new and nothing is known of the camera.
@@ -67,10 +68,17 @@ class Recorder:
                 data_set = DataSet.open(path)
             else:
                 raise NotNowError(f"data set '{name}' is new: it can be begun once the camera sends pictures")
-            self._forget_episode()
+            infos = data_set.episodes()
+            writer, steps, words = self._resume_episode(data_set, name, infos)
+            if writer is not self._writer:
+                self._forget_episode()
             self.data_set, self.data_set_name = data_set, name
+            self._writer, self._steps = writer, steps
+            self._update_episode()
+            for text in (text for info in infos for text in info.instructions):
+                self.remember(text)
             self.list_data_sets()
-            return self._resume_episode(data_set)
+            return words
 
     def check(self, setup: CaptureSetup) -> None:
         """Check that a step can be recorded now.
@@ -124,8 +132,8 @@ class Recorder:
         """Bring back the step that was undone last. Raises NotNowError when no episode is open."""
         with self._lock:
             writer = self._open_writer("bring back")
-            writer.restore_step()
-            self._steps = (*self._steps, step_shown(read_steps(writer.path).records[-1]))
+            record = writer.restore_step()
+            self._steps = (*self._steps, step_shown(record))
             self._update_episode()
 
     def refuse_to_end(self) -> None:
@@ -171,24 +179,24 @@ class Recorder:
             raise NotNowError(f"there is nothing to {what}: no episode has been begun")
         return self._writer
 
-    def _resume_episode(self, data_set: DataSet) -> str:
-        """Resume an unfinished episode, and remember the instructions; return a sentence for the page."""
-        infos = data_set.episodes()
-        for info in infos:
-            for text in info.instructions:
-                self.remember(text)
-        opened = f"data set '{self.data_set_name}' is open: {len(infos)} episodes"
+    def _resume_episode(
+        self, data_set: DataSet, name: str, infos: Sequence[EpisodeInfo]
+    ) -> tuple[EpisodeWriter | None, tuple[dict[str, Any], ...], str]:
+        """Return the writer of a data set's unfinished episode, its steps as shown, and a sentence for the page."""
+        opened = f"data set '{name}' is open: {len(infos)} episodes"
         unfinished = [info for info in infos if not info.finished]
         if not unfinished:
-            return opened
+            return None, (), opened
         last = unfinished[-1]
+        steps = tuple(step_shown(record) for record in last.records)
+        going_on = f"{opened}; episode {last.name} goes on after {len(steps)} steps"
+        path = data_set.path / EPISODES / last.name
+        if self._writer is not None and self._writer.path == path:
+            return self._writer, steps, going_on
         try:
-            self._writer = EpisodeWriter.resume(data_set.path / EPISODES / last.name)
+            return EpisodeWriter.resume(path), steps, going_on
         except EpisodeError as error:
-            return f"{opened}; episode {last.name} cannot go on: {error}"
-        self._steps = tuple(step_shown(record) for record in last.records)
-        self._update_episode()
-        return f"{opened}; episode {last.name} goes on after {len(self._steps)} steps"
+            return None, (), f"{opened}; episode {last.name} cannot go on: {error}"
 
     def _forget_episode(self) -> None:
         if self._writer is not None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 import uuid
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 from action_msgs.msg import GoalStatus
@@ -14,6 +14,7 @@ from rclpy.action.client import ClientGoalHandle
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.node import Node
+from rclpy.task import Future
 from std_msgs.msg import Empty, String
 from std_srvs.srv import Trigger
 
@@ -23,11 +24,13 @@ from cliport_core.heartbeat import Heartbeat
 from cliport_core.messages import goal_to_msg, result_from_msg
 from cliport_core.outcome import ActionResult, Outcome
 from cliport_interfaces.action import PickPlace
-from demo_tool.ports import ACCEPTED, OnEnd, OnPhase
+from demo_tool.ports import ACCEPTED, OnEnd, OnFailure, OnPhase
 
 _HEARTBEAT_TIMEOUT = 1.0  # [s]
 _BEAT_PERIOD = 0.05  # of its own signs of life [s]
 _LONGEST_TURN = 3.0  # of the node's thread, before it counts as hung [s]
+_STOP_TIMEOUT = 1.0  # for the executor's answer to a stop [s]
+_STOP_FAILED = "STOP did not reach the executor: use the arm's own emergency stop"
 _STOPS = (topics.EXECUTOR_STOP, topics.STOP)
 _RESUMES = (topics.EXECUTOR_RESUME, topics.RESUME)
 
@@ -50,6 +53,7 @@ class RosArm:
         self._beat: float | None = None
         self._fault: str | None = "the executor has not been looked for yet"
         self._goal: _Goal | None = None
+        self._sent_stops: list[_SentStop] = []
 
     def fault(self) -> str | None:
         """Return one line that says why the executor can take no goal now, or None."""
@@ -60,9 +64,12 @@ class RosArm:
         self._heart.stop()
 
     def look(self) -> None:
-        """Update `fault`; to be called a few times a second in the node's thread."""
+        """Update `fault`, and report stops without effect; to be called a few times a second in the node's thread."""
+        self._check_stops()
         if not self._action.server_is_ready():
             self._fault = f"the executor is not there: is it running? (action {topics.PICK_PLACE})"
+        elif not self._triggers[topics.EXECUTOR_STOP].service_is_ready():
+            self._fault = f"the executor's stop cannot be reached: is it running? (service {topics.EXECUTOR_STOP})"
         elif self._beat is not None and time.monotonic() - self._beat > _HEARTBEAT_TIMEOUT:
             self._fault = f"the executor gives no sign of life for {time.monotonic() - self._beat:.0f} s"
         else:
@@ -76,13 +83,16 @@ class RosArm:
         """Cancel the present goal, now or once it is accepted."""
         self._post(self._cancel)
 
-    def stop(self, reason: str) -> None:
-        """Cancel the goal, and stop the executor and the policy server until `resume`."""
-        self._post(lambda: self._stop(reason))
+    def stop(self, reason: str, on_failure: OnFailure) -> None:
+        """Cancel the goal, and stop the executor and the policy server until `resume`.
+
+        on_failure: told in the node's thread where the executor does not confirm its stop.
+        """
+        self._post(lambda: self._stop(reason, on_failure))
 
     def resume(self) -> None:
         """End the stops of the executor and of the policy server."""
-        self._post(lambda: self._call(_RESUMES))
+        self._post(self._resume)
 
     def _send(self, mine: _Goal, goal: ActionGoal) -> None:
         self._goal = mine
@@ -96,17 +106,32 @@ class RosArm:
         if self._goal is not None:
             self._goal.cancel()
 
-    def _stop(self, reason: str) -> None:
-        self._call(_STOPS)
+    def _stop(self, reason: str, on_failure: OnFailure) -> None:
+        answer = self._call(topics.EXECUTOR_STOP)
+        self._call(topics.STOP)
         self._cancel()
         self._node.get_logger().warning(f"stop: {reason}")
+        self._sent_stops.append(_SentStop(answer, time.monotonic() + _STOP_TIMEOUT, on_failure))
+        self._check_stops()
 
-    def _call(self, names: tuple[str, ...]) -> None:
-        for name in names:
-            if self._triggers[name].service_is_ready():
-                self._triggers[name].call_async(Trigger.Request())
-            else:
-                self._node.get_logger().warning(f"service {name} is not there, and was not called")
+    def _resume(self) -> None:
+        for name in _RESUMES:
+            self._call(name)
+
+    def _call(self, name: str) -> Future | None:
+        """Call a service; return its answer to come, or None where there is no such service."""
+        if self._triggers[name].service_is_ready():
+            return self._triggers[name].call_async(Trigger.Request())
+        self._node.get_logger().warning(f"service {name} is not there, and was not called")
+        return None
+
+    def _check_stops(self) -> None:
+        now, sent = time.monotonic(), self._sent_stops
+        self._sent_stops = [stop for stop in sent if stop.is_open(now)]
+        for stop in sent:
+            if stop not in self._sent_stops and not stop.is_confirmed():
+                self._node.get_logger().error(_STOP_FAILED)
+                stop.on_failure(_STOP_FAILED)
 
     def _turn(self) -> None:
         self._turned = time.monotonic()
@@ -116,6 +141,24 @@ class RosArm:
 
     def _on_heartbeat(self, _: Empty) -> None:
         self._beat = time.monotonic()
+
+
+@dataclass(frozen=True, eq=False)
+class _SentStop:
+    """A stop that the executor is to confirm; answer: None where it could not be sent; deadline: steady time [s]."""
+
+    answer: Future | None
+    deadline: float
+    on_failure: OnFailure
+
+    def is_open(self, now: float) -> bool:
+        return self.answer is not None and not self.answer.done() and now < self.deadline
+
+    def is_confirmed(self) -> bool:
+        if self.answer is None or not self.answer.done() or self.answer.exception() is not None:
+            return False
+        response = self.answer.result()
+        return response is not None and bool(response.success)
 
 
 class _Goal:

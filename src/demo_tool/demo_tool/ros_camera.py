@@ -28,17 +28,26 @@ _PATIENCE = 3.0  # before the first complaint is logged: nodes start in any orde
 
 
 class RosCamera:
-    """Subscriptions that give the station the camera's frames as views, with the messages to record."""
+    """Subscriptions that give the station the camera's frames as views, with the messages to record.
 
-    def __init__(self, node: Node, base_frame: str, station: Station, now_ns: Callable[[], int]) -> None:
+    rectified: the images are rectified already.
+    """
+
+    def __init__(
+        self, node: Node, base_frame: str, station: Station, now_ns: Callable[[], int], rectified: bool = False
+    ) -> None:
         self._node, self._base_frame, self._station, self._now_ns = node, base_frame, station, now_ns
         self._transforms = TransformTree()
-        self._cameras = CameraReader()
+        self._cameras = CameraReader(rectified)
         self._static: dict[frozenset[str], RawMessage] = {}  # by the child frames of a message
         self._joints: dict[tuple[str, ...], RawMessage] = {}  # by the joints of a message
         self._throttle = MessageThrottle(_COMPLAINT_PERIOD)
         self._began = time.monotonic()
         self._input = RgbdInput(node, self._on_frame, self._complain)
+        names = self._input.topic_names
+        station.on_camera_fault(
+            f"no picture has come yet: is the camera running? (topics {names['color']} and {names['depth']})"
+        )
         latched = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         node.create_subscription(TFMessage, topics.TF_STATIC, self._on_static, latched, raw=True)
         newest = QoSProfile(depth=2, reliability=ReliabilityPolicy.BEST_EFFORT)

@@ -10,6 +10,7 @@ from rclpy.parameter import Parameter
 from cliport_core import topics
 from cliport_core.spin_queue import SpinQueue
 from cliport_core.workspace import WorkspaceSpec
+from demo_tool.errors import StationError
 from demo_tool.ros_arm import RosArm
 from demo_tool.ros_camera import RosCamera
 from demo_tool.ros_policy import RosPolicy
@@ -25,14 +26,19 @@ _ADAPT_EVERY = 20  # ticks between two looks for the camera's publishers
 class RosLink(Node):
     """Node with the ports of one station: make the station with `config`, `arm` and `policy`, then `attach` it.
 
-    It is spun by a single-threaded executor: no callback takes long.
+    It is spun by a single-threaded executor: no callback takes long. rectified: the camera's images are rectified
+    already.
 
     Raises:
         CoreError: when the workspace's file or the preset of the robot is unusable.
+        StationError: when compressed images are asked for.
     """
 
-    def __init__(self) -> None:
-        super().__init__("demo_tool")
+    def __init__(self, parameter_overrides: list[Parameter] | None = None) -> None:
+        super().__init__("demo_tool", parameter_overrides=parameter_overrides)
+        self.rectified = bool(self.declare_parameter("rectified", False).value)
+        if self.declare_parameter("compressed", False).value:
+            raise StationError("the page records raw images: start it without compressed:=true")
         path = str(self.declare_parameter("workspace", "").value)
         arm = declare_robot(self)
         base_frame = declare_base_frame(self, arm)
@@ -48,7 +54,7 @@ class RosLink(Node):
     def attach(self, station: Station) -> None:
         """Connect the station to the graph; to be called before the node is spun."""
         self._station = station
-        self._camera = RosCamera(self, self.config.base_frame, station, self._now_ns)
+        self._camera = RosCamera(self, self.config.base_frame, station, self._now_ns, self.rectified)
         self.policy.attach(station)
         # wall time: what waits must end when simulated time stands still
         self.create_timer(_TICK, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
@@ -75,6 +81,7 @@ class RosLink(Node):
             self._adopt_sim_time()
             if self._camera is not None:
                 self._camera.adapt()
+            self.policy.look()
         self._ticks += 1
         if self._station is not None:
             self._station.tick(self._now_ns())

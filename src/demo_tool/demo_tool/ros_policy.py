@@ -28,6 +28,7 @@ class RosPolicy:
     def __init__(self, node: Node, base_frame: str, post: Callable[[Callable[[], None]], None]) -> None:
         self._node, self._base_frame, self._post = node, base_frame, post
         self._station: Station | None = None
+        self._is_there = False  # as the graph says
         self._parameters = node.create_client(GetParameters, topics.POLICY_PARAMETERS)
         self._instruction = node.create_publisher(String, topics.INSTRUCTION, 10)
 
@@ -36,13 +37,21 @@ class RosPolicy:
         self._station = station
         node, newest = self._node, QoSProfile(depth=1)
         latched = QoSProfile(depth=5, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        node.create_subscription(PolicyStatus, topics.STATUS, self._on_status, latched)
+        self._status = node.create_subscription(PolicyStatus, topics.STATUS, self._on_status, latched)
         node.create_subscription(Heightmap, topics.HEIGHTMAP, self._on_heightmap, newest, raw=True)
         for kind in topics.KINDS:
             node.create_subscription(PoseStamped, topics.POSES[kind], partial(self._on_pose, kind), 2)
             node.create_subscription(
                 Image, topics.AFFORDANCES[kind], partial(self._on_affordance, kind), newest, raw=True
             )
+
+    def look(self) -> None:
+        """Notice a server that has gone; to be called every second or so once a station is attached."""
+        if self._station is None:
+            return
+        was_there, self._is_there = self._is_there, self._node.count_publishers(self._status.topic_name) > 0
+        if was_there and not self._is_there:
+            self._station.on_policy_gone()
 
     def ask_require_approval(self, on_answer: Callable[[bool | None], None]) -> None:
         """Ask for the server's parameter require_approval; answers None where it does not answer."""

@@ -111,6 +111,14 @@ class Station:
                 self._work.request.on_status(status)
             self._bulletin.touch()
 
+    def on_policy_gone(self) -> None:
+        """Take that no policy server runs any more; what it did last no longer holds."""
+        with self._bulletin.lock:
+            self._policy_state, self._policy_words = "absent", "the policy server is gone"
+            if self._work.request is not None:
+                self._work.request.cancel(self._policy_words)
+            self._bulletin.touch()
+
     def on_policy_pose(self, which: str, pose: PlanarPose, stamp_ns: int) -> None:
         """Take the policy server's pose of "pick" or "place", chosen on the picture of stamp_ns."""
         with self._bulletin.lock:

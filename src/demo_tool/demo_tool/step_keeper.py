@@ -33,11 +33,14 @@ class StepKeeper:
 
     def save(self, step: MovedStep) -> None:
         """Record a step, and keep it where that fails. Raises EpisodesError, StationError, OSError."""
-        self.unsaved = step
-        self._recorder.add_step(
-            step.drawn.view.raw,
-            lambda number: record_of(number, step.drawn, step.instruction, step.result, self._config),
-        )
+        try:
+            self._recorder.add_step(
+                step.drawn.view.raw,
+                lambda number: record_of(number, step.drawn, step.instruction, step.result, self._config),
+            )
+        except BaseException:
+            self.unsaved = step
+            raise
         self.unsaved = None
 
     def save_again(self) -> MovedStep:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
+
 from cliport_core.action import ActionGoal
 from cliport_core.outcome import ActionResult
 from cliport_episodes.capture_setup import CaptureSetup
@@ -24,7 +27,10 @@ def goal_of(drawn: DrawnAction, instruction: str, plan_only: bool = False) -> Ac
 def record_of(
     step: int, drawn: DrawnAction, instruction: str, result: ActionResult | None, config: StationConfig
 ) -> StepRecord:
-    """Return the record of step number `step`; result: None where the arm was not moved."""
+    """Return the record of step number `step`; result: None where the arm was not moved.
+
+    A measurement of the result that is not a finite number is recorded as not made: the step has moved the arm.
+    """
     pick, place = drawn.draft.pick, drawn.draft.place
     assert pick is not None and place is not None  # a drawn action is a whole draft
     return StepRecord(
@@ -39,5 +45,13 @@ def record_of(
         place_rotation=config.workspace.bin_of_yaw(drawn.action.place.yaw),
         n_rotations=config.workspace.n_rotations,
         action=drawn.action,
-        result=result,
+        result=None if result is None else _with_finite_measurements(result),
     )
+
+
+def _with_finite_measurements(result: ActionResult) -> ActionResult:
+    if not math.isfinite(result.gripper_width):
+        result = replace(result, gripper_width=0.0)
+    if result.grasp_centroid is not None and not all(map(math.isfinite, result.grasp_centroid)):
+        result = replace(result, grasp_centroid=None)
+    return result

@@ -32,8 +32,6 @@ _OUTCOMES = {
     Outcome.CANCELLED: "stopped on the way",
 }
 
-NOT_MOVED = "recorded without moving"  # in place of an outcome
-
 
 def phase_words(name: str) -> str:
     """Return the words for a phase of the executor; an unknown one's are its name."""
@@ -49,8 +47,3 @@ def policy_words(state: PolicyState, message: str) -> str:
     """Return the words for the policy server's state and its message."""
     name = state.name.lower().replace("_", " ")
     return f"{name}: {message}" if message else name
-
-
-def verdict_words(success: bool | None) -> str:
-    """Return the words for an episode's mark."""
-    return {True: "success", False: "failure", None: "not marked"}[success]

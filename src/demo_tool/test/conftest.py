@@ -2,23 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import re
+from collections.abc import Callable, Iterator
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pytest
+from browser_user import chromium
 from station_fakes import BLOCKS, Block, FakeArm, FakePolicy, FakeTable
+from web_workplace import Workplace, workplace
+from workplace_user import Person
 
 from cliport_core.action import ActionGoal
 from cliport_core.pose import PlanarPose
+from cliport_episodes.data_set import DataSet
+from cliport_episodes.reader import Episode
 from demo_tool.errors import StationError
 from demo_tool.ports import OnEnd, OnPhase
 from demo_tool.station import Station
 from demo_tool.station_config import StationConfig
+from demo_tool.web import arm_holder
 
-# the logic is tested without any build; this one needs the built messages
-collect_ignore = [] if find_spec("cliport_interfaces") else ["test_ros_link.py"]
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser
+
+# the logic is tested without any build; these need the built messages
+collect_ignore = [] if find_spec("cliport_interfaces") else ["test_ros_camera.py", "test_ros_link.py"]
 
 NS = 1_000_000_000
 
@@ -92,6 +102,11 @@ class Bench:
         self.do("open_data_set", name=data_set)
         self.do("instruction", text=instruction)
 
+    def episode(self, number: int = -1) -> Episode:
+        """Read an episode of the data set `blocks` from the disk."""
+        data_set = DataSet.open(self.root / "blocks")
+        return data_set.episode(data_set.episodes()[number].name)
+
     @property
     def view(self) -> dict[str, Any]:
         return self.station.view(None)
@@ -124,3 +139,34 @@ def held(tmp_path: Path) -> Bench:
 def make_bench(tmp_path: Path) -> Callable[..., Bench]:
     """`make_bench(arm, config, root)`: another bench, on the same folder of data sets if none is named."""
     return lambda arm=None, config=None, root=tmp_path: Bench(root, arm, config)
+
+
+# the page in a real browser
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    playwright = pytest.importorskip("playwright.sync_api", reason="no Chromium's driver (playwright) on this machine")
+    with playwright.sync_playwright() as driver, chromium(driver) as started:
+        yield started
+
+
+@pytest.fixture(scope="module")
+def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Workplace]:
+    with workplace(tmp_path_factory.mktemp("sets"), pace=0.03) as made:
+        yield made
+
+
+@pytest.fixture
+def place(served: Workplace, request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Workplace:
+    """A workplace with a data set of the test's own."""
+    monkeypatch.setattr(arm_holder, "GONE_AFTER_S", 0.0)  # the page of the test before is gone
+    served.begin_anew(re.sub(r"\W", "-", request.node.name))
+    return served
+
+
+@pytest.fixture
+def person(browser: Browser, place: Workplace) -> Iterator[Person]:
+    somebody = Person(browser, place)
+    yield somebody
+    somebody.leave()

@@ -20,7 +20,7 @@ from cliport_episodes.observation import Observation
 from cliport_episodes.observation_messages import messages_from_observation
 from cliport_perception.camera_model import CameraModel
 from demo_tool.live_view import ColorImage, DepthImage, LiveView
-from demo_tool.ports import ACCEPTED, OnEnd, OnPhase
+from demo_tool.ports import ACCEPTED, OnEnd, OnFailure, OnPhase
 from panda_model import load_preset
 
 _PHASES = (
@@ -144,6 +144,7 @@ class FakeArm:
     goals: list[ActionGoal] = field(default_factory=list)
     stops: int = 0
     stopped: bool = False
+    on_stop_failure: OnFailure = lambda words: None
     _cancel: threading.Event = field(default_factory=threading.Event)
 
     def fault(self) -> str | None:
@@ -168,8 +169,9 @@ class FakeArm:
         """End the present goal."""
         self._cancel.set()
 
-    def stop(self, reason: str) -> None:
-        """End the present goal, and refuse others until `resume`."""
+    def stop(self, reason: str, on_failure: OnFailure) -> None:
+        """End the present goal, and refuse others until `resume`; on_failure is kept for the test."""
+        self.on_stop_failure = on_failure
         self.stops += 1
         self.stopped = True
         self._cancel.set()

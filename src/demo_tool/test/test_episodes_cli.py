@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 from pathlib import Path
 
 import pytest
@@ -118,6 +119,7 @@ def test_a_bag_cannot_command_the_terminal(path: Path, capsys: pytest.CaptureFix
         (["split", "blocks", "train=inf"], "give shares"),
         (["split", "blocks", "train=0.5", "val=nan"], "give shares"),
         (["split", "blocks", "train=1", "--seed", "-1"], "seed of a split is -1: give 0 or more"),
+        (["split", "blocks", "train=0.8", "train=0.2"], "two parts have the name 'train'"),
         (["stats", "blocks", "--out", "no/where.png"], "cannot write"),
     ],
 )
@@ -125,3 +127,26 @@ def test_a_mistake_is_one_line(path: Path, capsys: pytest.CaptureFixture[str], w
     assert main(words) == 1
     error = capsys.readouterr().err
     assert error.startswith("error: ") and said in error and error.count("\n") == 1
+
+
+def test_a_merge_says_whether_all_were_added(
+    path: Path, setup: CaptureSetup, capsys: pytest.CaptureFixture[str]
+) -> None:
+    record(path.with_name("other"), setup, ("three",), "push it")
+    assert main(["merge", str(path), "other"]) == 0 and main(["merge", str(path), "other"]) == 0
+    assert capsys.readouterr().out.splitlines() == [
+        "1 of the 1 episodes of other are added",
+        "0 of the 1 episodes of other are added; the others were here already",
+    ]
+
+
+def test_what_cannot_be_read_is_one_line(
+    path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refused(*_: object) -> None:
+        raise PermissionError(errno.EACCES, "Permission denied", str(path / "episodes" / "one"))
+
+    monkeypatch.setattr(DataSet, "episodes", refused)
+    assert main(["list", str(path)]) == 1
+    error = capsys.readouterr().err
+    assert error == f"error: {path}/episodes/one: Permission denied\n"

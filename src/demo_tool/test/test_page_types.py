@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 import demo_tool
+from cliport_core.instruction import MAX_INSTRUCTION
 from demo_tool.errors import UnknownCommandError
 from demo_tool.web.commands import OWN_COMMANDS
 
@@ -75,3 +76,8 @@ def test_the_commands_are_those_of_the_server(bench) -> None:
     with pytest.raises(UnknownCommandError) as refusal:
         bench.do("none-such")
     assert set(fields("Commands")) == OWN_COMMANDS | set(refusal.value.known)
+
+
+def test_the_page_knows_how_long_an_instruction_may_be() -> None:
+    page = (Path(demo_tool.__file__).parent / "static" / "page.js").read_text(encoding="utf-8")
+    assert f"export const LONGEST_INSTRUCTION = {MAX_INSTRUCTION};" in page

@@ -112,12 +112,14 @@ def test_silence_ends(asked) -> None:
     asked.do("propose")
     asked.wait(3.1)
     asked.see()
-    assert asked.state == "failed" and "whether the policy server waits for approval" in asked.last
+    assert asked.state == "failed" and asked.last == (
+        "no answer came as to whether the policy server waits for approval: is the policy server running?"
+    )
     asked.policy.ask_require_approval = lambda on_answer: on_answer(True)
     asked.policy.instruct = asked.policy.heard.append
     asked.do("propose")
     asked.wait(46.0)
-    assert "the policy's proposal" in asked.last and asked.policy.heard[-1] == ""
+    assert "the policy's proposal did not come in time" in asked.last and asked.policy.heard[-1] == ""
 
 
 def test_poses_of_two_observations_are_not_mixed(asked) -> None:
@@ -145,3 +147,20 @@ def test_stop_ends_a_proposal(asked) -> None:
     assert asked.policy.heard[-1] == "" and asked.state == "stopped"
     asked.station.on_policy_status(ServerStatus(PolicyState.WAITING_FOR_APPROVAL, "", "put the red block aside"))
     assert asked.view["policy"]["proposal"] is None
+
+
+def test_a_policy_server_that_died_while_it_moved_the_arm_is_not_waited_for(asked) -> None:
+    asked.draw()
+    asked.station.on_policy_status(ServerStatus(PolicyState.EXECUTING, "carrying", "put the red block aside"))
+    assert "the policy server is moving the arm" in asked.refused("execute")
+    asked.station.on_policy_gone()
+    assert asked.view["policy"]["state"] == "absent" and "gone" in asked.view["policy"]["words"]
+    asked.do("execute")
+    assert len(asked.arm.goals) == 1
+
+
+def test_a_proposal_of_a_policy_server_that_goes_is_not_waited_for(asked) -> None:
+    asked.policy.instruct = asked.policy.heard.append
+    asked.do("propose")
+    asked.station.on_policy_gone()
+    assert asked.state == "failed" and "the policy server is gone" in asked.last

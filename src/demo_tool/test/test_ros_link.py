@@ -11,6 +11,7 @@ import pytest
 import rclpy
 from geometry_msgs.msg import PoseStamped, TransformStamped
 from rclpy.action import CancelResponse
+from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
 from ros_domain import next_domain
 from sensor_msgs.msg import CameraInfo, Image, JointState
@@ -60,8 +61,11 @@ class World:
         self.called: list[str] = []
         self.may_answer = threading.Event()
         self.may_answer.set()
-        for name in ("/panda_executor/stop", "/cliport/stop", "/panda_executor/resume", "/cliport/resume"):
-            node.create_service(Trigger, name, lambda _, response, name=name: self._on_trigger(name, response))
+        names = ("/panda_executor/stop", "/cliport/stop", "/panda_executor/resume", "/cliport/resume")
+        self.triggers = {
+            name: node.create_service(Trigger, name, lambda _, response, name=name: self._on_trigger(name, response))
+            for name in names
+        }
         self.goals: list[PickPlace.Goal] = []
         self.hold = threading.Event()
         self.hold.set()
@@ -72,6 +76,10 @@ class World:
         link.header.frame_id = "panda_link0"
         link.transform = shared.pose_to_transform_msg(self.table.camera_in_base)
         self.tf.publish(TFMessage(transforms=[link]))
+
+    def do(self, act: Callable[[], object]) -> None:
+        """Call a function in the node's thread."""
+        self.node.executor.create_task(act)
 
     def start_executor(self) -> ThreadedActionServer:
         return ThreadedActionServer(
@@ -245,10 +253,23 @@ def test_a_proposal_is_fetched_and_dropped(rig: Rig) -> None:
     rig.until(lambda _: rig.world.heard == ["put the red block aside", ""])
     rig.do("correct")
     assert rig.view["draft"]["source"] == "proposed" and rig.view["primitive"] == "sweep"
-    rig.world.node.set_parameters([rclpy.parameter.Parameter("require_approval", value=False)])
+    rig.world.node.set_parameters([Parameter("require_approval", value=False)])
     rig.do("propose")
     rig.until(lambda view: "without asking" in view["last"]["words"])
     assert len(rig.world.heard) == 2
+
+
+def test_a_stop_that_is_not_answered_is_said(rig: Rig) -> None:
+    rig.world.may_answer.clear()
+    try:
+        rig.do("stop")
+        rig.until(lambda view: "STOP did not reach the executor" in view["last"]["words"])
+        assert not rig.view["last"]["ok"] and "STOP did not reach" in rig.view["words"]
+    finally:
+        rig.world.may_answer.set()
+        rig.do("resume")
+    rig.until(lambda _: rig.link.arm.fault() is None)
+    rig.ready()
 
 
 def test_pictures_come_to_those_who_ask(rig: Rig) -> None:
@@ -268,3 +289,19 @@ def test_an_executor_that_dies_on_the_way(rig: Rig) -> None:
     assert "the arm was lost: the executor gives no sign of life" in words
     with pytest.raises(StationError, match="no sign of life"):
         rig.do("execute")
+
+
+def test_an_executor_whose_stop_cannot_be_reached_is_not_asked_to_move(rig: Rig) -> None:
+    rig.world.do(lambda: rig.world.node.destroy_service(rig.world.triggers["/panda_executor/stop"]))
+    rig.until(lambda _: "stop cannot be reached" in (rig.link.arm.fault() or ""))
+    with pytest.raises(StationError, match="stop cannot be reached"):
+        rig.do("execute")
+
+
+def test_a_policy_server_that_goes_is_noticed(rig: Rig) -> None:
+    rig.world.status.publish(PolicyStatus(state=PolicyStatus.STATE_EXECUTING, message="carrying"))
+    rig.until(lambda view: view["policy"]["state"] == "executing")
+    time.sleep(1.2)  # the graph has been looked at since
+    assert rig.view["policy"]["state"] == "executing"
+    rig.world.do(lambda: rig.world.node.destroy_publisher(rig.world.status))
+    rig.until(lambda view: view["policy"]["state"] == "absent")

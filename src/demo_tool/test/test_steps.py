@@ -1,10 +1,6 @@
 """From a draft to a recorded step, and what becomes of an episode."""
 
-import signal
-import subprocess
-import sys
 import threading
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,13 +10,6 @@ from cliport_core.action import Primitive
 from cliport_core.outcome import ActionResult, Outcome
 from cliport_episodes.data_set import DataSet
 from cliport_episodes.demonstration import Source
-from cliport_episodes.errors import DiskFullError
-from cliport_episodes.writer import EpisodeWriter
-
-
-def episode_of(bench, number: int = -1):
-    data_set = DataSet.open(bench.root / "blocks")
-    return data_set.episode(data_set.episodes()[number].name)
 
 
 def test_two_steps_are_executed_recorded_and_read_back(bench) -> None:
@@ -35,7 +24,7 @@ def test_two_steps_are_executed_recorded_and_read_back(bench) -> None:
     threading.Timer(0.2, bench.rest).start()  # the picture of the finished scene is waited for
     bench.do("end_episode", success=True)
     assert bench.view["episode"] is None
-    episode = episode_of(bench)
+    episode = bench.episode()
     assert episode.success is True and episode.finished and episode.final is not None and not episode.complaints
     assert len(episode.steps) == 2
     first = episode.steps[0].record
@@ -65,7 +54,7 @@ def test_the_observation_is_the_one_from_before_the_motion(bench) -> None:
 
     bench.arm.on_success = carried
     bench.do("execute")
-    observation = episode_of(bench).steps[0].observation()
+    observation = bench.episode().steps[0].observation()
     assert observation.stamp_ns == before.stamp_ns and np.array_equal(observation.color, before.pixels)
     assert bench.state == "stale" and "before the arm came to rest" in bench.view["words"]
     assert "before the arm came to rest" in bench.refused("pick", box=[0, 0, 9, 9], rotation=0)
@@ -88,7 +77,7 @@ def test_a_failed_grasp_is_recorded_and_said(bench, outcome, words) -> None:
     bench.do("execute")
     assert bench.state == "failed" and words in bench.last and "Undo" in bench.last
     assert bench.steps[0]["outcome"] == words
-    record = episode_of(bench).steps[0].record
+    record = bench.episode().steps[0].record
     assert record.result == ActionResult(outcome, "so it went")
     bench.rest()
     bench.do("instruction", text="again")
@@ -125,7 +114,7 @@ def test_recording_only_moves_nothing(bench) -> None:
     bench.draw()
     bench.do("record")
     assert bench.arm.goals == [] and bench.steps[0]["outcome"] == "recorded without moving"
-    record = episode_of(bench).steps[0].record
+    record = bench.episode().steps[0].record
     assert record.result is None and record.action.primitive is Primitive.FOLD
 
 
@@ -144,7 +133,7 @@ def test_a_sweep_is_drawn_asked_for_and_recorded_across_its_way(bench) -> None:
     (goal,) = bench.arm.goals
     bench.rest()
     bench.do("end_episode", success=True)
-    record = episode_of(bench).step(0).record
+    record = bench.episode().step(0).record
     assert (record.action.primitive, record.source) == (Primitive.SWEEP, Source.CLICKED)
     assert record.action == goal.action
     assert (record.pick_rotation, record.place_rotation) == (9, 9)
@@ -160,7 +149,7 @@ def test_undo_drops_the_last_step_and_says_that_the_arm_stays(bench) -> None:
         bench.draw()
         bench.do("record")
     assert "the arm does not go back" in bench.do("undo")["words"]
-    assert len(bench.steps) == 1 == len(episode_of(bench).steps)
+    assert len(bench.steps) == 1 == len(bench.episode().steps)
     bench.do("undo")
     assert "no step to undo" in bench.refused("undo")
     assert "no steps" in bench.refused("end_episode", success=True)
@@ -178,7 +167,7 @@ def test_an_undone_step_comes_back(bench) -> None:
     assert bench.view["episode"]["restorable"] and bench.do("trash")["undone_steps"] == 1
     assert bench.do("restore_step")["words"] == "the step is back"
     assert [step["instruction"] for step in bench.steps] == ["the first", "the second"]
-    assert [step.record.instruction for step in episode_of(bench).steps] == ["the first", "the second"]
+    assert [step.record.instruction for step in bench.episode().steps] == ["the first", "the second"]
     assert "no step to bring back" in bench.refused("restore_step")
     bench.do("undo")
     bench.do("empty_trash")
@@ -192,119 +181,11 @@ def test_marks(bench) -> None:
     bench.do("mark", success=False)
     name = bench.view["episode"]["name"]
     bench.do("end_episode")
-    assert episode_of(bench).success is False
+    assert bench.episode().success is False
     bench.do("mark", success=True)
-    assert episode_of(bench).success is True
+    assert bench.episode().success is True
     bench.do("mark", success=None, episode=name)
-    assert episode_of(bench).success is None
-
-
-KILLED = """
-import os, signal, sys
-from pathlib import Path
-from cliport_core.pose import PlanarPose
-from station_fakes import BLOCKS, FakeArm, FakePolicy, FakeTable
-from demo_tool.station import Station
-from demo_tool.station_config import StationConfig
-
-table, pose = FakeTable(), PlanarPose(0.42, -0.12, 0.0)
-station = Station(StationConfig(), FakeArm(), FakePolicy(pose, pose), Path(sys.argv[1]), run=lambda job: job())
-station.on_camera(table.live_view(10**9))
-for name, arguments in (
-    ("open_data_set", {"name": "blocks"}),
-    ("instruction", {"text": "put the red block aside"}),
-    ("pick", {"box": table.box_around(BLOCKS[0]), "rotation": 0}),
-    ("place", {"box": table.box_at(0.5, -0.28), "rotation": 0}),
-    ("execute", {}),
-):
-    station.command(name, arguments)
-print(station.view(None)["episode"]["name"], flush=True)
-os.kill(os.getpid(), signal.SIGKILL)
-"""
-
-
-def test_a_station_goes_on_with_the_episode_of_one_that_was_killed(bench) -> None:
-    killed = subprocess.run(
-        [sys.executable, "-c", KILLED, str(bench.root)], capture_output=True, text=True, cwd=Path(__file__).parent
-    )
-    assert killed.returncode == -signal.SIGKILL, killed.stderr
-    bench.see()
-    assert "goes on after 1 steps" in bench.do("open_data_set", name="blocks")["words"]
-    assert bench.view["episode"]["name"] == killed.stdout.strip() and len(bench.steps) == 1
-    assert bench.view["history"] == ["put the red block aside"]
-    bench.do("instruction", text="and now the blue one")
-    bench.draw(BLOCKS[1])
-    bench.do("execute")
-    bench.rest()
-    bench.do("end_episode", success=True)
-    texts = [step.record.instruction for step in episode_of(bench).steps]
-    assert texts == ["put the red block aside", "and now the blue one"]
-
-
-def test_two_stations_do_not_write_one_episode(bench, make_bench) -> None:
-    bench.begin()
-    bench.draw()
-    bench.do("record")
-    other = make_bench()
-    other.see()
-    assert "cannot go on" in other.do("open_data_set", name="blocks")["words"]
-    assert other.view["episode"] is None
-    bench.station.close()
-    assert "goes on after 1 steps" in other.do("open_data_set", name="blocks")["words"]
-
-
-def test_a_disk_that_fills_up_during_the_motion(bench, monkeypatch) -> None:
-    bench.begin()
-    bench.draw()
-    bench.do("execute")
-
-    def full(*_):
-        raise DiskFullError(bench.root, "no space is left", "Make room.")
-
-    monkeypatch.setattr(EpisodeWriter, "add_step", full)
-    bench.draw(BLOCKS[1])
-    bench.do("execute")
-    assert bench.state == "failed" and "the arm moved" in bench.last and "was not recorded" in bench.last
-    assert "no space is left" in bench.last and len(bench.steps) == 1
-    assert bench.view["unsaved"] == "succeeded: done"
-    for command in ("execute", "record", "undo", "end_episode"):
-        assert "save it again" in bench.refused(command)
-    assert "save it again" in bench.refused("open_data_set", name="other")
-    assert "no space is left" in bench.refused("save_again") and bench.view["unsaved"]
-    monkeypatch.undo()
-    bench.rest()
-    bench.do("instruction", text="something else meanwhile")
-    assert bench.do("save_again")["words"] == "recorded; succeeded: done"
-    assert bench.view["unsaved"] is None and bench.state == "ready" and len(bench.steps) == 2
-    assert "every step is saved" in bench.refused("save_again")
-    steps = episode_of(bench).steps
-    assert steps[1].record.result is not None and steps[1].record.instruction == "put the red block aside"
-    assert steps[1].record.action.pick.x == pytest.approx(BLOCKS[1].x, abs=0.01)
-
-
-@pytest.mark.parametrize("end", ["drop_unsaved", "discard_episode", "close"])
-def test_a_step_that_could_not_be_saved_is_dropped_or_saved_at_the_end(bench, monkeypatch, end) -> None:
-    bench.begin()
-    bench.draw()
-    bench.do("record")
-
-    def full(*_):
-        raise DiskFullError(bench.root, "no space is left", "Make room.")
-
-    monkeypatch.setattr(EpisodeWriter, "add_step", full)
-    bench.draw(BLOCKS[1])
-    bench.do("execute")
-    monkeypatch.undo()
-    bench.rest()
-    if end == "close":
-        bench.station.close()
-        assert len(episode_of(bench).steps) == 2
-        return
-    bench.do(end)
-    assert bench.view["unsaved"] is None
-    bench.draw(BLOCKS[1])
-    bench.do("execute")
-    assert len(bench.steps) == (2 if end == "drop_unsaved" else 1)
+    assert bench.episode().success is None
 
 
 def test_a_step_is_recorded_once_whatever_the_arm_says(held) -> None:

@@ -50,8 +50,36 @@ def test_a_stop_on_the_way_is_recorded_as_it_went(held) -> None:
 
 def test_a_stop_says_when_nobody_heard_it(bench) -> None:
     bench.arm.fault_words = "the executor is not there"
-    assert "the executor is not there" in bench.do("stop")["words"]
-    assert bench.state == "stopped"
+    answer = bench.do("stop")
+    assert answer == {"ok": False, "words": "STOP may not have reached the arm: the executor is not there"}
+    assert bench.view["last"] == answer and bench.state == "stopped"
+
+
+def test_a_stop_that_did_not_reach_the_arm_is_no_stop(bench) -> None:
+    assert bench.do("stop")["ok"] and "nothing moves" in bench.view["words"]
+    bench.arm.on_stop_failure("STOP did not reach the executor")
+    assert bench.state == "stopped" and bench.view["words"] == "Stopped: STOP did not reach the executor."
+    assert bench.view["last"] == {"ok": False, "words": "STOP did not reach the executor"}
+    bench.do("resume")
+    bench.arm.on_stop_failure("STOP did not reach the executor")  # of a stop that was ended since
+    assert bench.view["last"]["ok"]
+    bench.do("stop")
+    assert "nothing moves" in bench.view["words"]
+
+
+@pytest.mark.parametrize("end", ["stopped", "lost"])
+def test_a_plan_that_was_not_made_says_nothing_about_reach(held, end) -> None:
+    drawn(held)
+    held.do("preview")
+    held.arm.on_phase("GRASP_PLANNING", 0.1)
+    if end == "stopped":
+        held.do("stop")
+        held.arm.on_end(ActionResult(Outcome.CANCELLED, "cancelled during planning; nothing moved"))
+    else:
+        held.arm.fault_words = "the executor gives no sign of life for 1 s"
+        held.wait(0.1)
+        held.wait(1.1)
+    assert held.view["plan"] is None and "it was not found out whether the arm can do this" in held.last
 
 
 def test_a_stop_that_comes_while_the_disk_works_keeps_the_arm_still(bench, monkeypatch) -> None:

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from web_workplace import DATA_SET, Workplace, workplace
 
+from cliport_core.errors import EncodingError
 from demo_tool.web.jpeg import LEVELS, START_LEVEL, JpegCache, encode, next_level
 
 
@@ -95,6 +96,17 @@ def test_what_does_not_come_is_not_waited_for_for_ever(place: Workplace, monkeyp
     monkeypatch.setattr(place.station, "picture", lambda name, after, timeout: waits.append(timeout))
     assert get(place, "/picture/heightmap.jpg")[0] == 204
     assert 1.0 < sum(waits) < 6.0 and max(waits) <= 0.5  # a page that left gives its thread back soon
+
+
+def test_a_picture_that_cannot_be_decoded_is_said(place: Workplace) -> None:
+    def broken() -> np.ndarray:
+        raise EncodingError("colour", "bayer_rggb8", ("rgb8", "bgr8"))
+
+    place.station.on_affordance("place", 5, broken)
+    status, _, text = get(place, "/picture/place_affordance.jpg")
+    assert status == 503 and b"bayer_rggb8" in text
+    status, _, text = get(place, "/picture/none.jpg")
+    assert status == 404 and b"color, heightmap, pick_affordance, place_affordance" in text
 
 
 @pytest.mark.parametrize("query", ["after=-1", "after=x", "width=99999", "level=9", "took=1e9", "after=" + "9" * 40])

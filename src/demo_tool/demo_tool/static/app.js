@@ -1,6 +1,7 @@
 // The page: joins the connection, the picture, the panel and the episodes.
 
 import { Connection } from "./connection.js";
+import { BUSY } from "./end_cards.js";
 import { Episodes } from "./episodes.js";
 import { LivePicture } from "./live.js";
 import { button, buttons, byId, press, say, wordsOf } from "./page.js";
@@ -77,7 +78,7 @@ function show(view) {
   byId("stage").classList.toggle("empty", view.camera.age_ms === null);
   const name = view.data_set ? `Data set ${view.data_set}` : "No data set";
   say(byId("where"), view.episode ? `${name} · episode ${view.episode.name}` : name);
-  stage.enabled = connection.open && view.holder === "me" && !["planning", "executing", "recording", "proposing"].includes(view.state);
+  stage.enabled = connection.open && view.holder === "me" && !BUSY.includes(view.state);
   stage.take(view.draft, view.camera, view.n_rotations);
   panel.show(view, connection.open);
   episodes.show(view, connection.open);
@@ -98,11 +99,11 @@ const live = new LivePicture(byId("live", HTMLCanvasElement), ({ ageMs, perSecon
   const age = Math.abs(ageMs) < CLOCKS_APART_MS ? `${Math.max(0, Math.round(ageMs))} ms old, ` : "";
   say(byId("live-words"), `Picture ${age}${perSecond.toFixed(0)} a second, ${width} pixels wide.`);
   window.dispatchEvent(new CustomEvent("livepicture", { detail: { ageMs } }));
-});
+}, (words) => say(byId("live-words"), `No picture: ${words}`));
 const side = new LivePicture(byId("side", HTMLCanvasElement), () => {
   byId("side").hidden = false;
   say(byId("side-words"), SIDE_WORDS[chosenSide]);
-});
+}, (words) => say(byId("side-words"), `No picture: ${words}`));
 let chosenSide = "";
 
 /** @param {string} name */

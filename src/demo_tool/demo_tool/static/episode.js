@@ -1,10 +1,8 @@
 // One recorded episode: its steps as pictures, and what can be changed about it.
 
-import { element, press } from "./page.js";
+import { element, LONGEST_INSTRUCTION, press } from "./page.js";
 
 /** @import { Edit, Episode, Step } from "./protocol" */
-
-const LONGEST_INSTRUCTION = 500;
 
 export class EpisodeView {
   #place;

@@ -8,7 +8,7 @@ import { statisticsParts } from "./statistics.js";
 /** @import { Call, CommandName, EpisodeInfo, Given, View } from "./protocol" */
 
 /** @type {Map<boolean | null, string>} */
-const RESULTS = new Map([[true, "✓ success"], [false, "✗ failure"], [null, "not marked"]]);
+const RESULTS = new Map([[true, "✓ success"], [false, "✗ failure"], [null, "unmarked"]]);
 const NAME = /^(\d{4})(\d\d)(\d\d)-(\d\d)(\d\d)/;
 
 /**
@@ -87,7 +87,7 @@ export class Episodes extends EventTarget {
         element("th", { scope: "row", title: info.name }, when(info.name), notes ? element("small", {}, notes) : ""),
         element("td", {}, info.instructions.join(" · ") || "–"),
         element("td", {}, String(info.n_steps)),
-        element("td", {}, RESULTS.get(info.success) ?? "not marked"),
+        element("td", {}, RESULTS.get(info.success) ?? "unmarked"),
         element("td", {}, open));
     });
     const none = element("tr", {}, element("td", { colSpan: 5 }, "No episode yet."));

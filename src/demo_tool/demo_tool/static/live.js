@@ -8,6 +8,7 @@ const SMOOTHING = 0.4;
 export class LivePicture {
   #canvas;
   #onPicture;
+  #onProblem;
   #name = "";
   /** @type {AbortController | null} */
   #running = null;
@@ -15,10 +16,12 @@ export class LivePicture {
   /**
    * @param {HTMLCanvasElement} canvas
    * @param {(arrived: Arrived) => void} onPicture is called after each
+   * @param {(words: string) => void} onProblem is told why there is none
    */
-  constructor(canvas, onPicture) {
+  constructor(canvas, onPicture, onProblem) {
     this.#canvas = canvas;
     this.#onPicture = onPicture;
+    this.#onProblem = onProblem;
     document.addEventListener("visibilitychange", () => this.show(this.#name));
   }
 
@@ -53,7 +56,11 @@ export class LivePicture {
         /** @type {Response} */
         const answer = await fetch(`/picture/${name}.jpg?after=${after}&width=${Math.min(width, 4096)}${known}`, { signal });
         if (answer.status === 204) continue;
-        if (!answer.ok) throw new Error(answer.statusText);
+        if (!answer.ok) {
+          const words = await answer.text();
+          if (!signal.aborted) this.#onProblem(words);
+          throw new Error(words);
+        }
         const began = performance.now();
         const file = await answer.blob();
         /** @type {number} */

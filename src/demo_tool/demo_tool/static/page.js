@@ -1,5 +1,8 @@
 // Small things that every part of the page uses. Texts from outside become text nodes, never markup.
 
+/** The characters that an instruction may have; test_page_types.py holds it against the server. */
+export const LONGEST_INSTRUCTION = 500;
+
 /**
  * The element of a selector, which the page has; kind: its class, an HTMLElement where none is named.
  * @template {Element} [T=HTMLElement]

@@ -1,13 +1,12 @@
 // The panel beside the picture: instruction, primitive, both ends, execute, the episode, the policy.
 
 import { BUSY, EndCards } from "./end_cards.js";
-import { all, askFirst, button, buttons, byId, element, input, press, say, suggest, wordsOf } from "./page.js";
+import { all, askFirst, button, buttons, byId, element, input, LONGEST_INSTRUCTION, press, say, suggest, wordsOf } from "./page.js";
 
 /** @import { Call, CommandName, Given, Primitive, SeenDraft, View } from "./protocol" */
 /** @import { Stage } from "./stage.js" */
 
 const TYPING_MS = 500;
-const LONGEST_INSTRUCTION = 500;
 
 export class Panel {
   #call;

@@ -78,7 +78,10 @@ class Commands:
                 raise NotHoldingError("another page holds the arm: it must hand it on first, or be closed")
             return None
         if request.command not in FOR_ALL:
-            if self._holder.standing(page) is not Standing.ME:
+            standing = self._holder.standing(page)
+            if standing is Standing.NOBODY:
+                raise NotHoldingError("no page holds the arm: take over first")
+            if standing is not Standing.ME:
                 raise NotHoldingError("another page holds the arm: this one watches; take over first")
             self._holder.act(page, now)
         return await run_sync(self._station.command, request.command, request.arguments, limiter=self._others)

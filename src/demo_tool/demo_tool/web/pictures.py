@@ -12,10 +12,10 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 from demo_tool.errors import DemoToolError
-from demo_tool.station import Station
+from demo_tool.picture_feed import Picture
+from demo_tool.station import PICTURES, Station
 from demo_tool.web.jpeg import LEVELS, START_LEVEL, JpegCache, encode, next_level
 
-LIVE = frozenset({"color", "heightmap", "pick_affordance", "place_affordance"})
 MAX_POLLS = 24
 _SLICE_S = 0.25  # one wait of a long poll; a page that is gone keeps a thread for as long
 _SLICES = 12  # waits of a long poll
@@ -36,11 +36,12 @@ class Pictures:
         """Answer GET /picture/{name}.jpg?after=N&width=&level=&took= with the next picture after number N, or 204.
 
         width: the page's own [pixels]; level: the last picture's; took: its transfer time [ms]. The answer's X-Level is
-        its level, to be sent with the next request.
+        its level, to be sent with the next request. 503 says in words why there is no picture.
         """
         name = request.path_params["name"]
-        if name not in LIVE:
-            raise HTTPException(HTTPStatus.NOT_FOUND, f"there is no picture of that name; there are {', '.join(LIVE)}")
+        if name not in PICTURES:
+            known = ", ".join(PICTURES)
+            raise HTTPException(HTTPStatus.NOT_FOUND, f"there is no picture of that name; there are {known}")
         after = _number(request, "after", 0, 2**53)
         max_width = _number(request, "width", _MAX_WIDTH, _MAX_WIDTH)
         level = _number(request, "level", START_LEVEL, len(LEVELS) - 1)
@@ -49,7 +50,7 @@ class Pictures:
         if self._polls.available_tokens < 1:
             raise HTTPException(HTTPStatus.SERVICE_UNAVAILABLE, f"{MAX_POLLS} pictures are being waited for")
         for _ in range(_SLICES):
-            picture = await run_sync(self._station.picture, name, after, _SLICE_S, limiter=self._polls)
+            picture = await self._next(name, after)
             if picture is not None:
                 sequence, stamp_ns, pixels = picture
                 file = await run_sync(
@@ -60,6 +61,12 @@ class Pictures:
             if request.app.state.ending or await request.is_disconnected():
                 break
         return Response(status_code=HTTPStatus.NO_CONTENT)
+
+    async def _next(self, name: str, after: int) -> Picture | None:
+        try:
+            return await run_sync(self._station.picture, name, after, _SLICE_S, limiter=self._polls)
+        except DemoToolError as error:  # as for a camera whose encoding is not known
+            raise HTTPException(HTTPStatus.SERVICE_UNAVAILABLE, str(error)) from error
 
     async def of_step(self, request: Request) -> Response:
         """Answer GET /episode/{data_set}/{name}/{step}.jpg with the camera's picture of a recorded step."""

@@ -77,8 +77,8 @@ class Sessions:
                 task = asyncio.create_task(self._answer(websocket, page, request, shown))
                 answers.add(task)
                 task.add_done_callback(answers.discard)
-        except (WebSocketDisconnect, KeyError):  # KeyError: a binary message
-            pass
+        except (WebSocketDisconnect, RuntimeError, KeyError):
+            pass  # RuntimeError: a failed send has closed it already; KeyError: a binary message
         finally:
             push.cancel()
 

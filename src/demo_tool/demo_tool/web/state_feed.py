@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import logging
 from collections.abc import AsyncIterator, Mapping
 from contextlib import asynccontextmanager
 from functools import partial
@@ -12,6 +13,8 @@ import anyio
 from anyio.to_thread import run_sync
 
 from demo_tool.station import Station
+
+logger = logging.getLogger(__name__)
 
 HEARTBEAT_S = 1.0
 _MIN_PERIOD_S = 1.0 / 15.0
@@ -56,7 +59,11 @@ class StateFeed:
     async def _watch(self) -> None:
         seen = 0
         while True:
-            changed = partial(self._station.wait_change, seen, HEARTBEAT_S)
-            seen = await run_sync(changed, abandon_on_cancel=True, limiter=self._waits)
-            await self.refresh()
+            try:
+                changed = partial(self._station.wait_change, seen, HEARTBEAT_S)
+                seen = await run_sync(changed, abandon_on_cancel=True, limiter=self._waits)
+                await self.refresh()
+            except Exception:  # a defect must not leave all pages without a heartbeat
+                logger.exception("the state could not be read")
+                await asyncio.sleep(HEARTBEAT_S)
             await asyncio.sleep(_MIN_PERIOD_S)

@@ -106,13 +106,17 @@ def _open_whole(path: Path) -> Bag:
         raise FileNotFoundError("it has no metadata.yaml")
     reader = Reader(path)
     reader.open()
-    for storage in getattr(reader.storage, "storages", [reader.storage]):
-        limits.check_overlap(getattr(storage, "chunks", ()))
-    files = [path]
-    if path.is_dir():
-        metadata = yaml.safe_load((path / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
-        files = [path / Path(name).name for name in metadata["relative_file_paths"]]
-    return Bag(path, files, [reader], reader.ros_distro)
+    try:
+        for storage in getattr(reader.storage, "storages", [reader.storage]):
+            limits.check_overlap(getattr(storage, "chunks", ()))
+        files = [path]
+        if path.is_dir():
+            metadata = yaml.safe_load((path / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
+            files = [path / Path(name).name for name in metadata["relative_file_paths"]]
+        return Bag(path, files, [reader], reader.ros_distro)
+    except BaseException:
+        reader.close()
+        raise
 
 
 def _open_torn(path: Path, reason: str) -> Bag:

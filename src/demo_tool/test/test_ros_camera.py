@@ -1,0 +1,77 @@
+"""The camera of the node, handed the messages that a camera would send."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import rclpy
+from geometry_msgs.msg import TransformStamped
+from rclpy.parameter import Parameter
+from rclpy.serialization import serialize_message
+from ros_domain import next_domain
+from station_fakes import FakeTable
+from tf2_msgs.msg import TFMessage
+
+from cliport_core import messages as shared
+from cliport_core.ros_rgbd import RawFrame, RawReceived
+from cliport_perception.conversions import camera_to_msg
+from demo_tool.errors import StationError
+from demo_tool.live_view import LiveView
+from demo_tool.ros_camera import RosCamera
+from demo_tool.ros_link import RosLink
+from demo_tool.station import Station
+
+FRAME = "camera_color_optical_frame"
+
+
+@pytest.fixture(autouse=True)
+def graph() -> Iterator[None]:
+    rclpy.init(domain_id=next_domain())
+    yield
+    rclpy.try_shutdown()
+
+
+def attached(root: Path, *parameters: Parameter) -> tuple[RosLink, RosCamera, Station]:
+    link = RosLink(list(parameters))
+    station = Station(link.config, link.arm, link.policy, root)
+    return link, RosCamera(link, link.config.base_frame, station, lambda: 1, link.rectified), station
+
+
+@pytest.mark.parametrize(("rectified", "larger"), [(False, 1.0), (True, 1.25)])
+def test_rectified_pictures_have_no_distortion(tmp_path: Path, rectified: bool, larger: float) -> None:
+    """One camera_info is sent for both: K and D are those of raw pictures, P is that of rectified ones."""
+    table = FakeTable()
+    view = table.live_view(0)
+    info = camera_to_msg(replace(view.camera, distortion_model="plumb_bob", distortion=(0.1, -0.2, 0.0, 0.0, 0.05)))
+    projection = info.p
+    projection[0] = projection[5] = 1.25 * view.camera.fx
+    info.p = projection
+    messages = [shared.image_to_msg(view.color, "rgb8"), shared.image_to_msg(view.depth_m, "32FC1"), info]
+    for message in messages:
+        message.header.frame_id = FRAME
+    transform = TransformStamped(child_frame_id=FRAME)
+    transform.header.frame_id = "panda_link0"
+    transform.transform = shared.pose_to_transform_msg(table.camera_in_base)
+    link, camera, station = attached(tmp_path, Parameter("rectified", value=rectified))
+    seen: list[LiveView] = []
+    station.on_camera = seen.append  # type: ignore[method-assign]
+    camera._on_static(serialize_message(TFMessage(transforms=[transform])))
+    camera._on_frame(RawFrame(*(RawReceived(serialize_message(message), 1) for message in messages), 1, FRAME))
+    link.destroy_node()
+    assert seen[0].camera.fx == pytest.approx(larger * view.camera.fx)
+    assert seen[0].camera.is_distorted is not rectified
+
+
+def test_compressed_pictures_are_refused() -> None:
+    with pytest.raises(StationError, match="records raw images"):
+        RosLink([Parameter("compressed", value=True)])
+
+
+def test_a_camera_that_sends_nothing_is_named(tmp_path: Path) -> None:
+    link, _, station = attached(tmp_path)
+    words = station.view(None)["words"]
+    link.destroy_node()
+    assert "/camera/color/image_raw" in words and "/camera/aligned_depth_to_color/image_raw" in words
