@@ -191,7 +191,7 @@ def rig(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Rig]:
     made.do("instruction", text="put the red block aside")
     yield made
     made.world.hold.set()
-    made.station.close()
+    made.link.close()
     time.sleep(0.2)  # the last goal's thread ends
     for spinner in spinners:
         spinner.stop()

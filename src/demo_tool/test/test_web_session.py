@@ -1,15 +1,20 @@
 """What goes over the websocket."""
 
+import asyncio
 import json
 import threading
 import time
 from contextlib import ExitStack
 from pathlib import Path
+from types import SimpleNamespace
 
 import psutil
 import pytest
 from web_workplace import Workplace, workplace
 from websockets.sync.client import ClientConnection, connect
+
+from demo_tool.web.arm_holder import ArmHolder
+from demo_tool.web.session import Sessions
 
 
 def opened(place: Workplace, name: str = "only-page") -> ClientConnection:
@@ -75,6 +80,21 @@ def test_a_defect_is_answered_and_leaves_the_session_alive(tmp_path: Path, monke
         answers = {m["id"]: m for m in messages_for(page, 0.6) if "id" in m}
         assert not answers[1]["ok"] and "ZeroDivision" not in answers[1]["error"]
         assert answers[2]["ok"]
+
+
+def test_a_connection_that_a_failed_send_has_closed_ends_quietly() -> None:
+    """Starlette then refuses to receive, although a request was still to come."""
+
+    class ClosedSocket:
+        async def receive_text(self) -> str:
+            raise RuntimeError("WebSocket is not connected")
+
+        async def send_text(self, text: str) -> None:
+            raise RuntimeError("it is closed")
+
+    feed, holder = SimpleNamespace(view={}), ArmHolder()
+    sessions = Sessions(feed, None, holder)  # type: ignore[arg-type]
+    asyncio.run(sessions._talk(ClosedSocket(), "only-page"))  # type: ignore[arg-type]
 
 
 def test_loads_and_dropped_connections_leave_memory_flat(tmp_path: Path) -> None:
