@@ -92,6 +92,7 @@ def test_every_bias_is_on_the_picture(record: StepRecord, tmp_path: Path) -> Non
     draw_statistics(s, tmp_path / "s.png")
     picture = cv2.imread(str(tmp_path / "s.png"))
     assert picture is not None
+    assert len(picture) == 870 + 26 * len(s.biases())
     lines = [picture[row - 20 : row] for row in range(len(picture) - 26 * (len(s.biases()) - 1), len(picture), 26)]
     assert len(lines) > 3 and all((line != 255).any() for line in lines)
 
