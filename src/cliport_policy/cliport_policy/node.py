@@ -20,7 +20,7 @@ from cliport_core.errors import CoreError
 from cliport_core.messages import heightmap_from_msg, stamp_from_msg, status_to_msg
 from cliport_core.policy_state import PolicyState, ServerStatus
 from cliport_core.ros_running import run_node
-from cliport_core.spin_queue import SpinQueue
+from cliport_core.ros_spin_queue import SpinQueue
 from cliport_interfaces.msg import Heightmap as HeightmapMsg
 from cliport_interfaces.msg import PolicyStatus
 from cliport_policy.errors import PolicyError

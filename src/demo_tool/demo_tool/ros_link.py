@@ -8,7 +8,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from cliport_core import topics
-from cliport_core.spin_queue import SpinQueue
+from cliport_core.ros_spin_queue import SpinQueue
 from cliport_core.workspace import WorkspaceSpec
 from demo_tool.errors import StationError
 from demo_tool.ros_arm import RosArm

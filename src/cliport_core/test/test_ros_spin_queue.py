@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from cliport_core.spin_queue import SpinQueue
+from cliport_core.ros_spin_queue import SpinQueue
 
 
 class Tasks:
