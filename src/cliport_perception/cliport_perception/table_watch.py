@@ -13,6 +13,13 @@ from cliport_core.pose import Pose
 from cliport_core.workspace import WorkspaceSpec
 from cliport_perception.camera_model import CameraModel
 
+# A usable calibration has the table from so far below the workspace's floor to so far above it, or above z = 0 [m].
+_BELOW_FLOOR, _ABOVE_FLOOR, _ABOVE_ZERO = 0.04, 0.06, 0.04
+_SEARCHED_BELOW = 0.3  # how far below that floor a table is still looked for [m]
+_BIN = 0.005  # of heights, from which the first guess of the plane comes [m]
+_LEAST_POINTS = 50
+_REMEDY = "take away what covers it, or put the camera back, or calibrate again and restart perception"
+
 
 class TablePlane(NamedTuple):
     """The plane z = height + slope_x (x - x0) + slope_y (y - y0) about the workspace's middle (x0, y0) [m, base frame].
@@ -67,55 +74,82 @@ class TableWatch:
         self._rays = rays @ camera_in_base.rotation.T
         self._origin = camera_in_base.translation
         self._middle = np.array([workspace.x_min + workspace.x_max, workspace.y_min + workspace.y_max]) / 2.0
+        self._least = self._least_points()
         self._first: list[TablePlane] = []
         self._beyond = 0
         self.plane: TablePlane | None = None
 
     def check(self, depth_m: npt.NDArray[np.float32]) -> str | None:
         """Note a depth image (H, W) [m]; return why it must not be acted on, or None."""
-        plane = self.measure(depth_m)
-        if plane is None:
+        points = self._points_over_workspace(depth_m)
+        plane = self._plane_of(points)
+        if plane is None and len(points) < self._least:
             return None  # hidden by a hand or by things: nothing can be said
-        self.plane = plane
-        if len(self._first) < self._limits.first_frames:
-            self._first.append(plane)
-            return None
-        words = self._fault(plane)
+        words = self._judge(plane)
         self._beyond = self._beyond + 1 if words else 0
         return words if self._beyond >= self._limits.patience else None
 
     def measure(self, depth_m: npt.NDArray[np.float32]) -> TablePlane | None:
-        """Return the table's plane in a depth image (H, W) [m], or None when too little of it is seen."""
+        """Return the table's plane in a depth image (H, W) [m], or None when too little of it is seen.
+
+        It is sought where the calibration has it, and when it is not there, from 0.3 m below the workspace to its top.
+        """
+        return self._plane_of(self._points_over_workspace(depth_m))
+
+    def _judge(self, plane: TablePlane | None) -> str | None:
+        """Return what is wrong with a plane; the first good ones become the reference."""
+        if plane is None:
+            return f"no table is seen where the calibration has it: {_REMEDY}"
+        self.plane = plane
+        if not self._is_expected(plane.height):
+            return f"the table lies {1e3 * plane.height:+.0f} mm from z = 0: {_REMEDY}"
+        if len(self._first) < self._limits.first_frames:
+            self._first.append(plane)
+            return None
+        return self._fault(plane)
+
+    def _points_over_workspace(self, depth_m: npt.NDArray[np.float32]) -> npt.NDArray[np.float64]:
+        """Return the points (N, 3) [m] over the workspace's area at which a table is looked for."""
         depth = depth_m[:: self._every, :: self._every].reshape(-1, 1)
         with np.errstate(invalid="ignore"):
             points = self._rays * depth + self._origin
             inside = self._workspace.contains(points)
-            low = self._workspace.z_min
-            band = inside & (points[:, 2] > low - 0.04) & (points[:, 2] < low + 0.06)
-        looked = self._pixels_on_workspace
-        if np.count_nonzero(band) < max(50, self._limits.min_share * looked):
-            return None
-        return self._fit(points[band], looked)
+            inside &= points[:, 2] > self._workspace.z_min - _SEARCHED_BELOW
+            inside &= points[:, 2] < self._workspace.z_max
+        found: npt.NDArray[np.float64] = points[inside]
+        return found
 
-    @property
-    def _pixels_on_workspace(self) -> int:
-        """The number of pixels whose rays meet the workspace's area a little above its floor."""
+    def _plane_of(self, points: npt.NDArray[np.float64]) -> TablePlane | None:
+        near = points[self._is_expected(points[:, 2])]
+        return self._fit(near) or self._fit(points)
+
+    def _is_expected(self, height: npt.ArrayLike) -> npt.NDArray[np.bool_]:
+        """Return a mask of the heights [m] at which a usable calibration may have the table."""
+        z, floor = np.asarray(height), self._workspace.z_min
+        return np.asarray((z > floor - _BELOW_FLOOR) & (z < max(floor + _ABOVE_FLOOR, _ABOVE_ZERO)), dtype=np.bool_)
+
+    def _least_points(self) -> float:
+        """Return how many points make a table: a share of the pixels whose rays meet the area just above its floor."""
         with np.errstate(divide="ignore", invalid="ignore"):
             reach = (self._workspace.z_min + 0.02 - self._origin[2]) / self._rays[:, 2]
             points = self._rays * reach[:, None] + self._origin
-        return int(np.count_nonzero(self._workspace.contains(points) & (reach > 0.0)))
+        looked = int(np.count_nonzero(self._workspace.contains(points) & (reach > 0.0)))
+        return max(_LEAST_POINTS, self._limits.min_share * looked)
 
-    def _fit(self, points: npt.NDArray[np.float64], looked: int) -> TablePlane | None:
-        """Fit a plane to what most points share: things upon the table count less and less."""
+    def _fit(self, points: npt.NDArray[np.float64]) -> TablePlane | None:
+        """Fit a plane to what most points (N, 3) share: things upon the table count less and less."""
+        if len(points) < self._least:
+            return None
         rows = np.column_stack([np.ones(len(points)), points[:, :2] - self._middle])
         z = points[:, 2]
-        bins, edges = np.histogram(z, bins=20)
-        level = edges[int(np.argmax(bins))] + (edges[1] - edges[0]) / 2.0
+        lowest = float(z.min())
+        counts = np.bincount(((z - lowest) / _BIN).astype(np.intp))
+        level = lowest + (int(np.argmax(counts)) + 0.5) * _BIN
         plane = np.array([level, 0.0, 0.0])
         for reach in (0.025, 0.015, 0.01, 0.007, 0.005, 0.005):
             off = z - rows @ plane
             near = np.abs(off) < reach
-            if np.count_nonzero(near) < max(50, self._limits.min_share * looked):
+            if np.count_nonzero(near) < self._least:
                 return None
             plane = np.linalg.lstsq(rows[near], z[near], rcond=None)[0]
         residual = float(np.median(np.abs(z[near] - rows[near] @ plane)))

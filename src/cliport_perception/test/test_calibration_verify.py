@@ -53,6 +53,13 @@ def test_a_wrong_calibration_is_seen_in_them(box_scene) -> None:
     assert red[0] > 5 * red[1]
 
 
+@pytest.mark.parametrize("up", [0.05, 0.15])
+def test_a_calibration_that_is_far_off_has_its_number(box_scene, up: float) -> None:
+    off = Pose(box_scene.camera_in_base.rotation, box_scene.camera_in_base.translation + np.array([0.0, 0.0, up]))
+    found = verify(frame(box_scene), CameraCalibration(box_scene.camera, off), WORKSPACE, Board())
+    assert found.in_words()[0].startswith(f"table: {1e3 * up:+.1f} mm from z = 0")
+
+
 def test_what_is_not_seen_is_said(box_scene) -> None:
     calibration = CameraCalibration(box_scene.camera, box_scene.camera_in_base)
     nothing = np.full_like(box_scene.depth, np.nan)

@@ -61,6 +61,28 @@ def test_a_bump_of_one_centimetre_and_one_degree_is_noticed_in_three_frames(
     assert table.check(noisy(before, rng)) is None, "it was put back"
 
 
+@pytest.mark.parametrize(("up", "turn"), [(-0.05, 0.0), (-0.15, 0.0), (0.1, 0.0), (0.0, 6.0), (-0.03, 12.0)])
+def test_a_camera_that_moved_far_is_noticed_too(cast_scene, camera_in_base: Pose, up: float, turn: float) -> None:
+    table = watch(camera_in_base)
+    before = cast_scene(SMALL, camera_in_base).depth
+    assert [table.check(before) for _ in range(5)] == [None] * 5
+    rotation = Rotation.from_rotvec([math.radians(turn), 0.0, 0.0]).as_matrix() @ camera_in_base.rotation
+    bumped = Pose(rotation, camera_in_base.translation + np.array([0.0, 0.0, up]))
+    after = cast_scene(SMALL, bumped).depth
+    words = [table.check(after) for _ in range(3)]
+    assert words[:2] == [None, None] and words[2] is not None and "calibrate again" in words[2]
+    assert table.check(before) is None, "it was put back"
+
+
+def test_a_table_far_from_the_workspaces_floor_is_no_reference(cast_scene, camera_in_base: Pose) -> None:
+    higher = Pose(camera_in_base.rotation, camera_in_base.translation + np.array([0.0, 0.0, 0.05]))
+    table, depth = watch(higher), cast_scene(SMALL, camera_in_base).depth
+    words = [table.check(depth) for _ in range(3)]
+    assert words[2] is not None and words[2].startswith("the table lies +50 mm from z = 0: ")
+    plane = table.measure(depth)
+    assert plane is not None and plane.height == pytest.approx(0.05, abs=5e-4)
+
+
 def test_a_hand_before_the_camera_says_nothing(cast_scene, camera_in_base: Pose) -> None:
     scene, table = cast_scene(SMALL, camera_in_base), watch(camera_in_base)
     for _ in range(5):

@@ -106,7 +106,7 @@ def simulate(
 ) -> dict[str, Any]:
     """Return the runs of calibrations in `count` random set-ups, with median and worst errors at the top.
 
-    progress: told of each run. A run that was refused has its reason, and makes the worst error infinite.
+    progress: told of each run. A run that was refused has its reason, and leaves no worst error: None.
     """
     config = config or SimulationConfig()
     runs = []
