@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from dataclasses import dataclass, field
 from enum import IntEnum
+
+from cliport_perception.errors import PerceptionError
 
 
 class Level(IntEnum):
@@ -22,11 +25,21 @@ class HealthLimits:
 
     max_age_s: how old a frame may be [s]; min_valid_fraction: share of the workspace that must be seen;
     max_drop_fraction: share of the images that may stay without a partner.
+
+    Raises:
+        PerceptionError: when a limit admits nothing, or everything.
     """
 
     max_age_s: float = 1.0
     min_valid_fraction: float = 0.05
     max_drop_fraction: float = 0.5
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.max_age_s < math.inf:
+            raise PerceptionError(f"max_age must be positive and finite [s], got {self.max_age_s}")
+        for name in ("min_valid_fraction", "max_drop_fraction"):
+            if not 0.0 <= getattr(self, name) <= 1.0:
+                raise PerceptionError(f"{name} must be in 0..1, got {getattr(self, name)}")
 
 
 @dataclass(frozen=True)

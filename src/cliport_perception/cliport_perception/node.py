@@ -26,6 +26,7 @@ from cliport_interfaces.msg import Heightmap as HeightmapMsg
 from cliport_perception import conversions
 from cliport_perception.camera_health import CameraHealth, HealthLimits
 from cliport_perception.clouds import MARGIN
+from cliport_perception.errors import PerceptionError
 from cliport_perception.frame_processor import FrameProcessor
 from cliport_perception.table_watch import TableLimits
 from panda_model.ros_parameters import declare_base_frame, declare_robot
@@ -61,27 +62,43 @@ class PerceptionNode(Node):
             self._serve,
             lambda fault: self._health.on_fault(fault),
             lambda stream: self._health.on_message(stream),
-            self._number("sync_slop", SLOP_S),
+            self._at_least_0("sync_slop", SLOP_S),
             self._compressed,
         )
         self._health = CameraHealth(self._camera.topic_names, limits)
         self._processor = FrameProcessor(
             WorkspaceSpec.load(path) if path else WorkspaceSpec(),
             self._health,
-            self._number("heightmap_rate", 10.0),
-            self._number("points_rate", 2.0),
-            self._number("points_margin", MARGIN),
+            self._at_least_0("heightmap_rate", 10.0),
+            self._at_least_0("points_rate", 2.0),
+            self._at_least_0("points_margin", MARGIN),
             self._table_limits(),
-            int(self.declare_parameter("depth_frames", 1).value),
+            self._depth_frames(),
         )
         # wall time: the report must come even when simulated time stands still
         self.create_timer(1.0, self._report, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def _number(self, name: str, default: float) -> float:
-        return float(self.declare_parameter(name, default).value)
+        value = float(self.declare_parameter(name, default).value)
+        if not math.isfinite(value):
+            raise PerceptionError(f"parameter {name} must be a finite number, got {value}")
+        return value
+
+    def _at_least_0(self, name: str, default: float) -> float:
+        value = self._number(name, default)
+        if value < 0.0:
+            raise PerceptionError(f"parameter {name} must be 0 or more, got {value:g}")
+        return value
+
+    def _depth_frames(self) -> int:
+        count = int(self.declare_parameter("depth_frames", 1).value)
+        if count < 1:
+            raise PerceptionError(f"parameter depth_frames must be 1 or more, got {count}")
+        return count
 
     def _table_limits(self) -> TableLimits | None:
-        shift, tilt = self._number("max_table_shift", 0.003), self._number("max_table_tilt", math.radians(0.2))
+        shift = self._at_least_0("max_table_shift", TableLimits.max_shift)
+        tilt = self._at_least_0("max_table_tilt", TableLimits.max_tilt)
         return TableLimits(shift, tilt) if shift > 0.0 and tilt > 0.0 else None
 
     def _on_tf(self, message: TFMessage) -> None:

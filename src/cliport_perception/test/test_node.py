@@ -198,6 +198,17 @@ def test_a_parameter_of_the_wrong_type_ends_in_one_line(capsys: pytest.CaptureFi
     assert "\n" not in error
 
 
+@pytest.mark.parametrize(
+    "parameter",
+    ["max_age:=.nan", "max_age:=-1.0", "max_table_shift:=.nan", "max_table_tilt:=-0.1", "sync_slop:=.inf",
+     "min_valid_fraction:=1.5", "points_rate:=-2.0", "heightmap_rate:=.nan", "points_margin:=-0.1", "depth_frames:=0"],
+)  # fmt: skip
+def test_a_parameter_that_cannot_work_ends_in_one_line(parameter: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["--ros-args", "-p", parameter]) == 1
+    error = capsys.readouterr().err.strip()
+    assert error.startswith("error: ") and parameter.partition(":")[0] in error and "\n" not in error
+
+
 def test_the_camera_is_heard_as_reliably_as_it_speaks(fake: FakeCamera) -> None:
     fake.publish_tf()
     assert fake.until(lambda: bool(fake.heightmaps))
