@@ -56,25 +56,36 @@ def read_camera(file: Path, default_lens: CameraModel | None = None) -> CameraCa
     Raises:
         CameraFileError: when the file cannot be read or holds something else.
     """
-    camera = _content(file)
+    return camera_of(read_content(file), file, default_lens)
+
+
+def camera_of(content: dict[str, Any], file: Path, default_lens: CameraModel | None = None) -> CameraCalibration:
+    """Return what `read_camera` does of a file's content. Raises CameraFileError, naming the file."""
+    camera = content["camera"]
     if unknown := sorted(set(map(str, camera)) - set(_KEYS)):
         raise CameraFileError(f"{file}: unknown keys {unknown} of 'camera'; valid are {', '.join(_KEYS)}")
     return CameraCalibration(_intrinsics(camera, file, default_lens), _pose(camera, file))
 
 
-def _content(file: Path) -> dict[str, Any]:
+def read_content(file: Path) -> dict[str, Any]:
+    """Return a file's whole content, a camera under `camera` in it.
+
+    Raises:
+        CameraFileError: when the file cannot be read or describes no camera.
+    """
     try:
         content = yaml.safe_load(file.read_text(encoding="utf-8"))
     except OSError as error:
         raise CameraFileError(f"cannot read the camera's mounting {file}: {error.strerror}") from None
     except (yaml.YAMLError, UnicodeDecodeError) as error:
         raise CameraFileError(f"the camera's mounting {file} is not YAML: {str(error).splitlines()[0]}") from None
-    camera = content.get("camera") if isinstance(content, dict) else None
+    found: dict[str, Any] = content if isinstance(content, dict) else {}
+    camera = found.get("camera")
     if not isinstance(camera, dict) or "position" not in camera or not {"looking_at", "orientation_xyzw"} & set(camera):
         raise CameraFileError(
             f"the camera's mounting {file} must hold 'camera' with 'position' and 'looking_at' (or 'orientation_xyzw')"
         )
-    return camera
+    return found
 
 
 def _pose(camera: dict[str, Any], file: Path) -> Pose:

@@ -66,6 +66,39 @@ def test_earlier_calibrations_are_kept(tmp_path: Path) -> None:
     assert load_calibration(path).camera.camera_in_base.translation[0] == pytest.approx(0.3)
 
 
+@pytest.mark.parametrize("frame", ["camera-1_optical", "cam.left/optical", "Kamera_\u00f6"])
+def test_every_frame_that_is_saved_can_be_read(tmp_path: Path, frame: str) -> None:
+    path = tmp_path / "camera.yaml"
+    save_calibration(path, replace(record(), camera_frame=frame))
+    assert load_calibration(path).camera_frame == frame
+
+
+@pytest.mark.parametrize("frame", ["", "a b", "a\n"])
+def test_what_is_no_frame_is_never_saved(frame: str) -> None:
+    with pytest.raises(CalibrationError, match="names of frames"):
+        replace(record(), camera_frame=frame)
+
+
+def test_earlier_calibrations_are_kept_without_second_names(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object) -> None:
+        raise PermissionError("no hard links here")
+
+    monkeypatch.setattr("os.link", refuse)
+    path = tmp_path / "camera.yaml"
+    save_calibration(path, record())
+    kept = save_calibration(path, replace(record(), base_frame="other"))
+    assert kept is not None and load_calibration(kept).base_frame == "panda_link0"
+    assert load_calibration(path).base_frame == "other"
+
+
+def test_a_file_that_changes_while_it_is_read_is_read_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "camera.yaml"
+    save_calibration(path, record())
+    text, reads = path.read_text(), []
+    monkeypatch.setattr(Path, "read_text", lambda *_, **__: reads.append(1) or (text if len(reads) == 1 else ""))
+    assert load_calibration(path).base_frame == "panda_link0"
+
+
 def test_a_place_that_cannot_be_written_is_one_line_and_leaves_nothing(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(CalibrationError, match="cannot write"):

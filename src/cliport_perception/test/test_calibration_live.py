@@ -20,6 +20,7 @@ from cliport_perception.calibration.collector import SampleCollector
 from cliport_perception.calibration.detection import Fault, Refusal
 from cliport_perception.calibration.procedures import EyeOnBaseProcedure, KnownBoardProcedure, Voice
 from cliport_perception.calibration.proposals import describe_move
+from cliport_perception.calibration.result import Acceptance, Misfit, Uncertainty
 from cliport_perception.calibration.sample import Sample
 from cliport_perception.calibration.synthetic import SyntheticCamera
 from cliport_perception.camera_file import CameraCalibration
@@ -103,6 +104,30 @@ def test_a_clock_that_was_reset_begins_anew(board_in_hand) -> None:
     assert isinstance(collector.on_picture(round(end * S), PICTURE), Sample)
 
 
+def test_late_poses_of_two_publishers_do_not_begin_anew(board_in_hand) -> None:
+    collector = SampleCollector(SeenBoard(board_in_hand))  # type: ignore[arg-type]
+    for i in range(100):
+        collector.on_gripper(round((10.0 + 0.01 * i) * S), board_in_hand.start)
+        collector.on_gripper(round((9.98 + 0.01 * i) * S), board_in_hand.start)
+    collector.on_picture(round(11.0 * S), PICTURE)
+    assert isinstance(collector.on_picture(round(11.02 * S), PICTURE), Sample)
+
+
+def test_a_refused_solution_asks_for_more_samples_and_keeps_what_was_taken(board_in_hand) -> None:
+    procedure = EyeOnBaseProcedure(
+        board_in_hand.board, board_in_hand.camera, 1, np.random.default_rng(0), Voice(lambda _: None, lambda _: None)
+    )
+    procedure._collector = SampleCollector(SeenBoard(board_in_hand))  # type: ignore[arg-type]
+    end = stand(procedure._collector, board_in_hand.start, 10.0)
+    for _ in range(2):
+        procedure.on_picture(round(end * S), PICTURE)
+    assert procedure.is_complete
+    with pytest.raises(CalibrationError, match="take more"):
+        procedure.solve(("base", "optical"), NOW)
+    assert procedure.extend() == 5
+    assert not procedure.is_complete and len(procedure._collector.samples) == 1
+
+
 def test_the_whole_procedure_from_pictures(board_in_hand) -> None:
     said: list[str] = []
     lens = CameraModel(640, 360, 360.0, 361.0, 321.0, 179.0, "plumb_bob", (0.05, -0.05, 0.0, 0.0, 0.0))
@@ -148,6 +173,12 @@ def test_a_board_on_the_table_needs_no_arm(board_in_hand) -> None:
     assert mm < record.uncertainty.mm and deg < record.uncertainty.deg
 
 
+def test_a_misfit_of_a_lying_board_is_not_called_held_out() -> None:
+    with pytest.raises(CalibrationError) as caught:
+        Acceptance().check(Misfit(9.0, 0.0, 0.0), Uncertainty(0.0, 0.0), "misfit", "look at the board")
+    assert str(caught.value) == "the calibration is not good enough: misfit 9.00 px (at most 1); look at the board"
+
+
 def test_moves_are_proposed_in_words() -> None:
     start = Pose.from_xyz_rpy((0.4, 0.0, 0.3), (np.pi, 0.0, 0.0))
     wanted = Pose.from_xyz_rpy((0.45, 0.0, 0.28), (np.pi, 0.0, 0.0)) @ Pose.from_xyz_rpy((0, 0, 0), (0.3, 0, 0))
@@ -191,3 +222,5 @@ def test_an_old_calibration_is_worth_a_warning(tmp_path: Path) -> None:
     assert CalibrationWatch(path, 30.0, lambda: NOW - timedelta(days=1)).report(0.2).level is Level.WARN
     with pytest.raises(CalibrationError, match="cannot read"):
         CalibrationWatch(tmp_path / "none.yaml", 30.0, lambda: NOW)
+    with pytest.raises(CalibrationError, match="max_age_days must be positive"):
+        CalibrationWatch(path, float("nan"), lambda: NOW)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 import re
+import shutil
 from contextlib import suppress
 from dataclasses import dataclass
 from datetime import datetime, timezone
@@ -16,12 +17,17 @@ import yaml
 
 from cliport_perception.calibration.board import Board, board_from_dict
 from cliport_perception.calibration.result import EyeOnBase, Misfit, Uncertainty
-from cliport_perception.camera_file import CameraCalibration, CameraFileError, read_camera
+from cliport_perception.camera_file import CameraCalibration, CameraFileError, camera_of, read_content
 from cliport_perception.errors import CalibrationError
 
 VERSION = 1
 _NEEDED = ("version", "made", "method", "base_frame", "camera_frame")
 _OPTIONAL = ("board", "samples", "outliers", "fitted", "held_out", "uncertainty")
+
+
+def is_frame_name(text: str) -> bool:
+    """Return True if a text can be a frame's name: not empty and without white space."""
+    return re.fullmatch(r"\S+", text) is not None
 
 
 class Method(Enum):
@@ -38,6 +44,9 @@ class CalibrationRecord:
     """A camera's calibration and where it comes from.
 
     made: when, with its time zone. held_out, fitted, uncertainty: None where they were not measured.
+
+    Raises:
+        CalibrationError: when base_frame or camera_frame is no name of a frame.
     """
 
     camera: CameraCalibration
@@ -51,6 +60,14 @@ class CalibrationRecord:
     fitted: Misfit | None = None
     held_out: Misfit | None = None
     uncertainty: Uncertainty | None = None
+
+    def __post_init__(self) -> None:
+        for frame in (self.base_frame, self.camera_frame):
+            if not is_frame_name(frame):
+                raise CalibrationError(
+                    "base_frame and camera_frame must be names of frames, one word each, got "
+                    f"{[self.base_frame, self.camera_frame]}"
+                )
 
     def age_days(self, now: datetime) -> float:
         """Return how old the calibration is [days]."""
@@ -136,10 +153,14 @@ def _keep(path: Path) -> Path | None:
     written = datetime.fromtimestamp(path.stat().st_mtime, timezone.utc).strftime("%Y%m%dT%H%M%S")
     for number in range(1, 1000):
         kept = path.with_name(f"{path.stem}.{written}{'' if number == 1 else f'-{number}'}{path.suffix}")
+        if kept.exists():
+            continue
         try:
             os.link(path, kept)
         except FileExistsError:
             continue
+        except OSError:  # a file system without second names
+            shutil.copy2(path, kept)
         return kept
     raise OSError(f"too many calibrations are kept beside {path.name}")
 
@@ -151,8 +172,8 @@ def load_calibration(path: Path) -> CalibrationRecord:
         CalibrationError: when a field is missing, unknown, not finite or makes no rotation; naming it.
     """
     try:
-        camera = read_camera(path)
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+        content = read_content(path)
+        camera = camera_of(content, path)
     except CameraFileError as error:
         raise CalibrationError(str(error)) from None
     about = content.get("calibration")
@@ -175,9 +196,6 @@ def _record(camera: CameraCalibration, about: dict[str, Any]) -> CalibrationReco
     made = about["made"] if isinstance(about["made"], datetime) else datetime.fromisoformat(str(about["made"]))
     if made.tzinfo is None:
         raise ValueError(f"made must have a time zone, got {about['made']}")
-    frames = [str(about[name]) for name in ("base_frame", "camera_frame")]
-    if not all(re.fullmatch(r"[A-Za-z0-9_/]+", frame) for frame in frames):
-        raise ValueError(f"base_frame and camera_frame must be names of frames, got {frames}")
     misfits = {
         name: Misfit(**_numbers(about, name, Misfit._fields)) for name in ("fitted", "held_out") if name in about
     }
@@ -186,8 +204,8 @@ def _record(camera: CameraCalibration, about: dict[str, Any]) -> CalibrationReco
         camera,
         made,
         Method(about["method"]),
-        frames[0],
-        frames[1],
+        str(about["base_frame"]),
+        str(about["camera_frame"]),
         board_from_dict(about["board"]) if "board" in about else None,
         int(about.get("samples", 0)),
         tuple(int(i) for i in about.get("outliers", ())),

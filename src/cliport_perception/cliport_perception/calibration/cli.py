@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import sys
 from datetime import datetime, timezone
 from pathlib import Path
@@ -30,7 +31,7 @@ from panda_model.preset_files import DEFAULT_PRESET, load_preset
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run the command line; return 0 when it was done, 1 on an error, 2 on a wrong command line."""
+    """Run the command line; return 0 when it was done, 1 on an error, 2 on a wrong command line, 130 on a signal."""
     argv = sys.argv[1:] if arguments is None else arguments
     own, ros = _split(argv)
     options = _parser().parse_args(own)
@@ -96,6 +97,8 @@ def _static(options: argparse.Namespace) -> int:
     if options.intrinsics is None:
         raise CalibrationError("--intrinsics WIDTH HEIGHT FX FY CX CY are needed, as camera_info has them")
     width, height, fx, fy, cx, cy = options.intrinsics
+    if width != int(width) or height != int(height):
+        raise CalibrationError(f"--intrinsics: WIDTH and HEIGHT must be whole numbers of pixels, got {width}, {height}")
     lens = CameraModel(int(width), int(height), fx, fy, cx, cy)
     if options.from_easy_handeye is not None:
         found = read_easy_handeye(options.from_easy_handeye)
@@ -137,6 +140,17 @@ def _live(board: Board, options: argparse.Namespace, ros: list[str]) -> int:
     return run_live(board, options, ros)
 
 
+def _finite(text: str) -> float:
+    """Return a number of the command line; argparse says in one line what is none."""
+    try:
+        number = float(text)
+    except ValueError:
+        number = math.nan
+    if not math.isfinite(number):
+        raise argparse.ArgumentTypeError(f"{text!r} is not a finite number")
+    return number
+
+
 def _parser() -> argparse.ArgumentParser:
     parser = CommandParser(prog="calibrate", description=__doc__)
     parser.add_argument("--board", default="charuco", metavar="FORM", help="charuco:5x4:40:30:4X4_50, the default")
@@ -150,16 +164,16 @@ def _parser() -> argparse.ArgumentParser:
     ways = parser.add_mutually_exclusive_group()
     ways.add_argument("--print-board", type=Path, metavar="PDF", help="write the board at true scale, and end")
     ways.add_argument("--simulate", type=int, metavar="N", help="calibrate N random set-ups with a hidden truth")
-    ways.add_argument("--static", type=float, nargs=7, metavar=("X", "Y", "Z", "QX", "QY", "QZ", "QW"))
+    ways.add_argument("--static", type=_finite, nargs=7, metavar=("X", "Y", "Z", "QX", "QY", "QZ", "QW"))
     ways.add_argument("--from-easy-handeye", type=Path, metavar="FILE", help="read easy_handeye2's calibration")
     ways.add_argument("--to-easy-handeye", type=Path, metavar="FILE", help="write --calibration as easy_handeye2's")
-    ways.add_argument("--board-at", type=float, nargs=6, metavar=("X", "Y", "Z", "ROLL", "PITCH", "YAW"))
-    ways.add_argument("--touched", type=float, nargs=9, metavar="M", help="x, y, z of the tip at three corners: docs")
+    ways.add_argument("--board-at", type=_finite, nargs=6, metavar=("X", "Y", "Z", "ROLL", "PITCH", "YAW"))
+    ways.add_argument("--touched", type=_finite, nargs=9, metavar="M", help="x, y, z of the tip at three corners: docs")
     ways.add_argument("--verify", type=Path, metavar="PNG", help="draw the model over what is seen, with numbers")
     parser.add_argument("--workspace", metavar="FILE", help="of --verify: your workspace's YAML")
     parser.add_argument("--calibration", type=Path, default=DEFAULT_OUT, help="the one to verify or convert")
     parser.add_argument("--paper", default="A4", help="of --print-board: A4, A3 or letter")
-    parser.add_argument("--intrinsics", type=float, nargs=6, metavar=("WIDTH", "HEIGHT", "FX", "FY", "CX", "CY"))
-    parser.add_argument("--outliers", type=float, default=0.0, help="of --simulate: share of samples grossly wrong")
-    parser.add_argument("--print-scale", type=float, default=1.0, help="of --simulate: size of the print; 1")
+    parser.add_argument("--intrinsics", type=_finite, nargs=6, metavar=("WIDTH", "HEIGHT", "FX", "FY", "CX", "CY"))
+    parser.add_argument("--outliers", type=_finite, default=0.0, help="of --simulate: share of samples grossly wrong")
+    parser.add_argument("--print-scale", type=_finite, default=1.0, help="of --simulate: size of the print; 1")
     return parser

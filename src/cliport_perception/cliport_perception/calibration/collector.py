@@ -53,9 +53,12 @@ class SampleCollector:
         return self._poses[-1][1] if self._poses else None
 
     def on_gripper(self, stamp_ns: int, gripper_in_base: Pose) -> None:
-        """Take note of where the gripper is."""
-        if self._poses and stamp_ns < self._poses[-1][0]:
+        """Take note of where the gripper is; a pose that is a little older than the last one is late and dropped."""
+        back_ns = self._poses[-1][0] - stamp_ns if self._poses else 0
+        if back_ns > self._config.max_clock_s * _S:
             self._poses.clear()  # the clock was reset
+        elif back_ns > 0:
+            return
         self._poses.append((stamp_ns, gripper_in_base))
 
     def on_picture(self, stamp_ns: int, picture: npt.NDArray[np.uint8]) -> Sample | Refusal:

@@ -12,7 +12,7 @@ from cliport_perception.calibration.board import Board
 from cliport_perception.calibration.initial_guess import Placement, guess_placement
 from cliport_perception.calibration.odd_samples import explain_odd_samples
 from cliport_perception.calibration.refinement import Refined, refine, reprojection_errors, sample_rms
-from cliport_perception.calibration.result import EyeOnBase, Misfit, SampleMisfit, Uncertainty, Use
+from cliport_perception.calibration.result import SIGMAS, EyeOnBase, Misfit, SampleMisfit, Uncertainty, Use
 from cliport_perception.calibration.sample import MotionLimits, Sample, check_motion
 from cliport_perception.camera_model import CameraModel
 from cliport_perception.errors import CalibrationError
@@ -114,10 +114,10 @@ def _checked_scale(
     samples: Sequence[Sample], start: Placement, camera: CameraModel, board: Board, config: SolverConfig
 ) -> Refined:
     refined = refine(samples, start, camera, fit_scale=True)
-    off, sigma = refined.scale - 1.0, refined.scale_sigma
-    if abs(off) > max(config.scale_tolerance, 3.0 * sigma):
+    off, spread = refined.scale - 1.0, SIGMAS * refined.scale_sigma
+    if abs(off) > max(config.scale_tolerance, spread):
         raise CalibrationError(
-            f"the board was printed at {100 * refined.scale:.1f} % (+-{300 * sigma:.1f}) of its nominal size: its "
+            f"the board was printed at {100 * refined.scale:.1f} % (+-{100 * spread:.1f}) of its nominal size: its "
             f"pitch is {1e3 * refined.scale * board.pitch:.2f} mm by the arm's motion, not {1e3 * board.pitch:g}; "
             "print it at 100 %, or give --board the size that you measure"
         )

@@ -19,12 +19,14 @@ from cliport_perception.calibration.eye_on_base import solve_eye_on_base
 from cliport_perception.calibration.initial_guess import guess_placement
 from cliport_perception.calibration.known_board import solve_known_board
 from cliport_perception.calibration.proposals import candidate_poses, describe_move, in_view, next_pose
-from cliport_perception.calibration.result import Acceptance, Uncertainty, Use
+from cliport_perception.calibration.result import SIGMAS, Acceptance, Uncertainty, Use
 from cliport_perception.calibration.view import BoardView
 from cliport_perception.camera_file import CameraCalibration
 from cliport_perception.camera_model import CameraModel
 from cliport_perception.errors import CalibrationError
 
+_CHECK_BOARD = "does the board lie flat and still where it is said to be, and is --board its form?"
+_MORE = 5  # samples that are taken when the first ones do not suffice
 _GUESS_FROM = 6  # samples from which a first solution says what will be in view
 
 
@@ -50,6 +52,9 @@ class Procedure(Protocol):
 
     def solve(self, frames: tuple[str, str], made: datetime) -> CalibrationRecord:
         """Return the calibration; frames: the base's and the optical one's. Raises CalibrationError."""
+
+    def extend(self) -> int:
+        """Ask for more after a refusal, on top of what was taken; return how many, 0 where more would not help."""
 
 
 class EyeOnBaseProcedure:
@@ -86,11 +91,17 @@ class EyeOnBaseProcedure:
         for number, (use, misfit) in enumerate(found.samples, start=1):
             note = "" if use is Use.FITTED else f" ({use.value})"
             self._say(f"sample {number}: {misfit.px:.2f} px, {misfit.mm:.1f} mm, {misfit.deg:.2f} deg{note}")
-        self._say(f"board's size by the arm's motion: {100 * found.scale:.2f} % (+-{300 * found.scale_sigma:.2f})")
+        percent, spread = 100 * found.scale, 100 * SIGMAS * found.scale_sigma
+        self._say(f"board's size by the arm's motion: {percent:.2f} % (+-{spread:.2f})")
         self._say(in_words(found.held_out, "held out"))
-        self._say(f"uncertainty (three sigmas): {found.uncertainty.mm:.2f} mm, {found.uncertainty.deg:.3f} deg")
+        self._say(f"uncertainty ({SIGMAS:g} sigmas): {found.uncertainty.mm:.2f} mm, {found.uncertainty.deg:.3f} deg")
         Acceptance().check(found.held_out, found.uncertainty)
         return record_of(found, CameraCalibration(self._camera, found.camera_in_base), self._board, frames, made)
+
+    def extend(self) -> int:
+        """Ask for some more samples; return how many."""
+        self._count = len(self._collector.samples) + _MORE
+        return _MORE
 
     def _advice(self) -> str:
         samples, current = self._collector.samples, self._collector.gripper_in_base
@@ -139,14 +150,19 @@ class KnownBoardProcedure:
         found = solve_known_board(self._views, self._board_in_base, self._camera, self._board.center)
         self._say(in_words(found.misfit, "fitted"))
         at, near = found.uncertainty, found.near_board
-        words = f"uncertainty (3 sigmas): {near.mm:.1f} mm at the board, {at.mm:.1f} mm, {at.deg:.2f} deg at the camera"
-        self._say(f"{words}; the error of the board's own place adds to it")
+        words = f"{near.mm:.1f} mm at the board, {at.mm:.1f} mm, {at.deg:.2f} deg at the camera"
+        self._say(f"uncertainty ({SIGMAS:g} sigmas): {words}; the error of the board's own place adds to it")
         if near.mm > Acceptance().mm:
             self._complain(f"that is more than {Acceptance().mm:g} mm: a board that the gripper carries does better")
-        Acceptance().check(found.misfit, Uncertainty(0.0, 0.0))  # what one view leaves open is said, not refused
+        # What one view leaves open is said, not refused.
+        Acceptance().check(found.misfit, Uncertainty(0.0, 0.0), "misfit", _CHECK_BOARD)
         lens = CameraCalibration(self._camera, found.camera_in_base)
         views = len(self._views)
         return CalibrationRecord(lens, made, self._method, *frames, self._board, views, (), found.misfit, None, at)
+
+    def extend(self) -> int:
+        """Return 0: more of the same views would say the same."""
+        return 0
 
 
 def in_words(misfit: tuple[float, float, float], name: str) -> str:

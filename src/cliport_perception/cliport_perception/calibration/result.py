@@ -60,31 +60,35 @@ class Acceptance:
     mm: float = 5.0
     deg: float = 0.5
 
-    def faults(self, misfit: Misfit, uncertainty: Uncertainty) -> list[str]:
-        """Return what is too large, each in words; nothing when the calibration is accepted."""
+    def faults(self, misfit: Misfit, uncertainty: Uncertainty, name: str = "held-out misfit") -> list[str]:
+        """Return what is too large, each in words; nothing when the calibration is accepted. name: the misfit's."""
         found = []
-        for name, unit, limit, value in (
-            ("held-out misfit", "px", self.px, misfit.px),
-            ("held-out misfit", "mm", self.mm, misfit.mm),
-            ("held-out misfit", "deg", self.deg, misfit.deg),
+        for what, unit, limit, value in (
+            (name, "px", self.px, misfit.px),
+            (name, "mm", self.mm, misfit.mm),
+            (name, "deg", self.deg, misfit.deg),
             ("uncertainty", "mm", self.mm, uncertainty.mm),
             ("uncertainty", "deg", self.deg, uncertainty.deg),
         ):
             if not value <= limit:
-                found.append(f"{name} {value:.2f} {unit} (at most {limit:g})")
+                found.append(f"{what} {value:.2f} {unit} (at most {limit:g})")
         return found
 
-    def check(self, misfit: Misfit, uncertainty: Uncertainty) -> None:
-        """Refuse a calibration that is not good enough.
+    def check(
+        self,
+        misfit: Misfit,
+        uncertainty: Uncertainty,
+        name: str = "held-out misfit",
+        remedy: str = "take more samples, nearer, with more turns",
+    ) -> None:
+        """Refuse a calibration that is not good enough. name: the misfit's.
 
         Raises:
-            CalibrationError: naming every threshold that is passed.
+            CalibrationError: naming every threshold that is passed, and the remedy.
         """
-        faults = self.faults(misfit, uncertainty)
+        faults = self.faults(misfit, uncertainty, name)
         if faults:
-            raise CalibrationError(
-                f"the calibration is not good enough: {', '.join(faults)}; take more samples, nearer, with more turns"
-            )
+            raise CalibrationError(f"the calibration is not good enough: {', '.join(faults)}; {remedy}")
 
 
 @dataclass(frozen=True, eq=False)

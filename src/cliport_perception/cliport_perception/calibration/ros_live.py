@@ -8,7 +8,6 @@ from collections.abc import Callable
 from datetime import datetime, timezone
 
 import numpy as np
-import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -17,15 +16,17 @@ from tf2_msgs.msg import TFMessage
 
 from cliport_core import messages, topics
 from cliport_core.adaptive_subscription import AdaptiveSubscription
-from cliport_core.errors import CoreError, FrameError
+from cliport_core.errors import CoreError
 from cliport_core.pose import Pose
 from cliport_core.throttle import MessageThrottle
-from cliport_core.transforms import TransformTree
 from cliport_perception.calibration.board import Board
-from cliport_perception.calibration.calibration_file import Method
+from cliport_perception.calibration.calibration_file import CalibrationRecord, Method, is_frame_name
+from cliport_perception.calibration.gripper_feed import GripperFeed, Link
 from cliport_perception.calibration.known_board import board_from_touches
 from cliport_perception.calibration.procedures import EyeOnBaseProcedure, KnownBoardProcedure, Procedure, Voice
-from cliport_perception.calibration.saving import DEFAULT_OUT, say_saved
+from cliport_perception.calibration.ros_session import ros_session
+from cliport_perception.calibration.sample import MotionLimits
+from cliport_perception.calibration.saving import DEFAULT_OUT, check_writable, say_saved
 from cliport_perception.camera_model import CameraModel
 from cliport_perception.conversions import camera_from_msg
 from cliport_perception.errors import CalibrationError
@@ -44,16 +45,15 @@ class LiveCalibration(Node):
         """Subscribe. frames: the base's and the gripper's."""
         super().__init__("calibrate")
         self._start = start
-        self._base, self._gripper = frames
         self._complain = complain
-        self._tree = TransformTree()
+        self._feed = GripperFeed(*frames)
         self._seen: set[str] = set()
         self._rectified = bool(self.declare_parameter("rectified", False).value)
         self.procedure: Procedure | None = None
         self.camera: CameraModel | None = None
         self.camera_frame = ""
         latched = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        self.create_subscription(TFMessage, topics.TF_STATIC, self._on_tf, latched)
+        self.create_subscription(TFMessage, topics.TF_STATIC, self._on_static, latched)
         self.create_subscription(TFMessage, topics.TF, self._on_tf, 100)
         self._inputs = (
             AdaptiveSubscription(self, CameraInfo, topics.CAMERA_INFO, self._on_info),
@@ -86,28 +86,34 @@ class LiveCalibration(Node):
         self._seen.add(self._inputs[1].topic_name)
         if self.procedure is None:
             return
+        if not is_frame_name(message.header.frame_id):
+            self._complain(f"the pictures' frame_id is {message.header.frame_id!r}: set it to a frame's name, one word")
+            return
         self.camera_frame = message.header.frame_id
         try:
             self.procedure.on_picture(messages.stamp_from_msg(message.header.stamp), messages.color_from_msg(message))
         except CoreError as error:
             self._complain(str(error))
 
+    def _on_static(self, message: TFMessage) -> None:
+        self._feed.put(self._links(message))
+
     def _on_tf(self, message: TFMessage) -> None:
-        stamps = [0]
+        news = self._feed.on_links(self._links(message))
+        if news is not None and self.procedure is not None:
+            self.procedure.on_gripper(*news)
+
+    def _links(self, message: TFMessage) -> list[Link]:
+        found = []
         for link in message.transforms:
             try:
                 pose = messages.pose_from_transform_msg(link.transform)
             except ValueError as error:
                 self._complain(f"the transform of '{link.child_frame_id}' is no rotation and is ignored: {error}")
                 continue
-            self._tree.put(link.header.frame_id, link.child_frame_id, pose)
-            stamps.append(messages.stamp_from_msg(link.header.stamp))
-        if self.procedure is None or max(stamps) == 0:
-            return
-        try:
-            self.procedure.on_gripper(max(stamps), self._tree.source_in_target(self._gripper, self._base))
-        except FrameError:
-            return  # the procedure says that it knows of no gripper
+            stamp_ns = messages.stamp_from_msg(link.header.stamp)
+            found.append(Link(link.header.frame_id, link.child_frame_id, pose, stamp_ns))
+        return found
 
 
 def run_live(board: Board, options: argparse.Namespace, ros_args: list[str]) -> int:
@@ -118,22 +124,39 @@ def run_live(board: Board, options: argparse.Namespace, ros_args: list[str]) -> 
     """
     arm = load_preset(options.robot)
     base, gripper = options.base_frame or arm.base_frame, options.gripper_frame or arm.tcp_frame
-    if options.samples < 1:
-        raise CalibrationError("--samples must be 1 or more")
-    rclpy.init(args=ros_args)
+    out = options.out or DEFAULT_OUT
+    if not is_frame_name(base):
+        raise CalibrationError(f"--base-frame is {base!r}: give a frame's name, one word")
+    _check_count(options)
+    check_writable(out)
     voice = _voice()
-    node = LiveCalibration(_start(board, options, voice), (base, gripper), voice.complain)
-    executor = SingleThreadedExecutor()
-    executor.add_node(node)
-    try:
+    start = _start(board, options, voice)
+    with ros_session(ros_args) as executor:
+        node = LiveCalibration(start, (base, gripper), voice.complain)
+        executor.add_node(node)
+        record = _solved(node, executor, base, voice)
+    return say_saved(out, record)
+
+
+def _check_count(options: argparse.Namespace) -> None:
+    known = options.board_at is not None or options.touched is not None
+    least = 1 if known else MotionLimits().min_samples
+    if options.samples < least:
+        raise CalibrationError(f"--samples must be {least} or more, got {options.samples}")
+
+
+def _solved(node: LiveCalibration, executor: SingleThreadedExecutor, base: str, voice: Voice) -> CalibrationRecord:
+    """Return the calibration; where more samples can mend a refusal, they are taken. Raises CalibrationError."""
+    while True:
         while node.procedure is None or not node.procedure.is_complete:
             executor.spin_once(timeout_sec=0.1)
-        record = node.procedure.solve((base, node.camera_frame), datetime.now(timezone.utc))
-    finally:
-        executor.shutdown()
-        node.destroy_node()
-        rclpy.try_shutdown()
-    return say_saved(options.out or DEFAULT_OUT, record)
+        try:
+            return node.procedure.solve((base, node.camera_frame), datetime.now(timezone.utc))
+        except CalibrationError as error:
+            more = node.procedure.extend()
+            if not more:
+                raise
+            voice.say(f"nothing is saved yet: {error}; {more} more samples follow, those taken are kept")
 
 
 def _voice() -> Voice:

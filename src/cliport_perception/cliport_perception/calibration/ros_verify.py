@@ -5,8 +5,6 @@ from __future__ import annotations
 import argparse
 import time
 
-import rclpy
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from tf2_msgs.msg import TFMessage
@@ -23,6 +21,7 @@ from cliport_core.workspace import WorkspaceSpec
 from cliport_perception.calibration.board import Board
 from cliport_perception.calibration.calibration_file import load_calibration
 from cliport_perception.calibration.detection import BoardDetector
+from cliport_perception.calibration.ros_session import ros_session
 from cliport_perception.calibration.verification import Frame, draw, tip_of, verify
 from cliport_perception.calibration.view import BoardView
 from cliport_perception.errors import CalibrationError
@@ -86,12 +85,10 @@ def run_verify(board: Board, options: argparse.Namespace, ros_args: list[str]) -
 
 def _one_frame(base: str, options: argparse.Namespace, ros_args: list[str]) -> tuple[RawFrame, Pose | None]:
     gripper = options.gripper_frame or load_preset(options.robot).tcp_frame
-    rclpy.init(args=ros_args)
-    node = OneFrame()
-    executor = SingleThreadedExecutor()
-    executor.add_node(node)
-    end = time.monotonic() + _WAIT_S
-    try:
+    with ros_session(ros_args) as executor:
+        node = OneFrame()
+        executor.add_node(node)
+        end = time.monotonic() + _WAIT_S
         while node.frame is None and time.monotonic() < end:
             executor.spin_once(timeout_sec=0.1)
         end = time.monotonic() + _LISTEN_S
@@ -103,7 +100,3 @@ def _one_frame(base: str, options: argparse.Namespace, ros_args: list[str]) -> t
             return node.frame, node.tree.source_in_target(gripper, base)
         except FrameError:
             return node.frame, None
-    finally:
-        executor.shutdown()
-        node.destroy_node()
-        rclpy.try_shutdown()

@@ -2,11 +2,30 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 from cliport_perception.calibration.calibration_file import CalibrationRecord, save_calibration
+from cliport_perception.errors import CalibrationError
 
 DEFAULT_OUT = Path("calibration/camera.yaml")
+
+
+def check_writable(path: Path) -> None:
+    """Refuse a place where a calibration could not be saved, before the work is done; nothing is written.
+
+    Raises:
+        CalibrationError: naming what is in the way.
+    """
+    if path.is_dir():
+        raise CalibrationError(f"cannot write {path}: it is a folder; give --out a file's name")
+    folder = path.absolute().parent
+    while not folder.exists():
+        folder = folder.parent
+    if not folder.is_dir():
+        raise CalibrationError(f"cannot write {path}: {folder} is a file; give another --out")
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise CalibrationError(f"cannot write {path}: {folder} may not be written to; give another --out")
 
 
 def say_saved(path: Path, record: CalibrationRecord) -> int:
