@@ -7,13 +7,14 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from datetime import datetime, timezone
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import rclpy
-from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import TransformStamped
-from rclpy.executors import SingleThreadedExecutor
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
@@ -26,11 +27,14 @@ from cliport_core.pose import Pose
 from cliport_perception import CameraModel, conversions
 from cliport_perception.calibration.angles import pose_difference
 from cliport_perception.calibration.calibration_file import CalibrationRecord, Method, save_calibration
+from cliport_perception.calibration.cli import main as calibrate
 from cliport_perception.calibration.node_camera_pose import CameraPoseNode, main
 from cliport_perception.calibration.procedures import KnownBoardProcedure, Voice
-from cliport_perception.calibration.ros_live import LiveCalibration
+from cliport_perception.calibration.ros_live import LiveCalibration, _solved
+from cliport_perception.calibration.ros_session import ros_session
 from cliport_perception.calibration.synthetic import SyntheticCamera
 from cliport_perception.camera_file import CameraCalibration
+from cliport_perception.errors import CalibrationError
 
 FRAME = "camera_color_optical_frame"
 LENS = CameraModel(640, 480, 500.0, 500.0, 320.0, 240.0)
@@ -112,6 +116,60 @@ def test_a_driver_keeps_its_own_frames(ros: Node, tmp_path: Path) -> None:
     node.destroy_node()
 
 
+def test_a_bad_transform_is_ignored_and_a_silent_driver_is_an_error(ros: Node, tmp_path: Path) -> None:
+    path = tmp_path / "camera.yaml"
+    save_calibration(path, record())
+    node = camera_pose_node(calibration=str(path), driver_frame="camera_link")
+    bad = TransformStamped(child_frame_id=FRAME)
+    bad.header.frame_id = "camera_link"
+    bad.transform.rotation.w = 0.0
+    node._on_tf(TFMessage(transforms=[bad]))
+    reports: list[tuple[bytes, str]] = []
+    ros.create_subscription(
+        DiagnosticArray, topics.DIAGNOSTICS, lambda m: reports.append((m.status[0].level, m.status[0].message)), 10
+    )
+    assert until([ros, node], lambda: bool(reports))
+    level, words = reports[0]
+    assert level == DiagnosticStatus.ERROR and f"no transform from '{FRAME}' to driver_frame 'camera_link'" in words
+    node.destroy_node()
+
+
+def test_a_refusal_is_said_and_samples_go_on() -> None:
+    said: list[str] = []
+    made = record()
+
+    class Refusing:
+        is_complete = True
+        refusals = 1
+
+        def solve(self, frames: tuple[str, str], now: datetime) -> CalibrationRecord:
+            if self.refusals:
+                raise CalibrationError("take more samples")
+            return made
+
+        def extend(self) -> int:
+            self.refusals -= 1
+            return 5
+
+    node = SimpleNamespace(procedure=Refusing(), camera_frame=FRAME)
+    assert _solved(node, None, "base", Voice(said.append, said.append)) is made  # type: ignore[arg-type]
+    assert said == ["nothing is saved yet: take more samples; 5 more samples follow, those taken are kept"]
+
+
+def test_ros_arguments_that_make_no_sense_end_in_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for arguments in (["-r", "nonsense"], ["-p", "rectified:=soon"]):
+        assert calibrate(["--out", str(tmp_path / "camera.yaml"), "--ros-args", *arguments]) == 1
+        error = capsys.readouterr().err.strip().splitlines()[-1]
+        assert error.startswith("error: ")
+        assert not rclpy.ok()
+
+
+def test_a_shutdown_from_outside_is_an_interruption() -> None:
+    with pytest.raises(KeyboardInterrupt), ros_session([]):
+        raise ExternalShutdownException
+    assert not rclpy.ok()
+
+
 @pytest.mark.parametrize("arguments", [[], ["--ros-args", "-p", "calibration:=/nowhere/camera.yaml"]])
 def test_without_a_calibration_it_ends_in_one_line(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     assert main(arguments) == 1
@@ -141,12 +199,14 @@ def test_pictures_over_ros_become_a_calibration(ros: Node, board_in_hand) -> Non
     assert until([ros, node], lambda: any("camera_info cannot be used" in words for words in said), blind)
     assert node.procedure is None
 
-    def show() -> None:
+    def show(frame: str = FRAME) -> None:
         info.publish(conversions.camera_to_msg(world.camera))
         message = messages.image_to_msg(np.repeat(picture[..., None], 3, axis=2), "bgr8")
-        message.header.frame_id = FRAME
+        message.header.frame_id = frame
         color.publish(message)
 
+    assert until([ros, node], lambda: any("frame_id is ''" in words for words in said), lambda: show(""))
+    assert node.procedure is not None and not node.procedure.is_complete
     assert until([ros, node], lambda: node.procedure is not None and node.procedure.is_complete, show)
     assert node.procedure is not None
     found = node.procedure.solve(("panda_link0", node.camera_frame), datetime.now(timezone.utc))

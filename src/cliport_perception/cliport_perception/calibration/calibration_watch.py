@@ -18,7 +18,9 @@ class CalibrationWatch:
     """
 
     def __init__(self, path: Path, max_age_days: float, now: Callable[[], datetime]) -> None:
-        """Read the file. Raises CalibrationError when it cannot be used."""
+        """Read the file. Raises CalibrationError when it or max_age_days cannot be used."""
+        if not max_age_days > 0.0:
+            raise CalibrationError(f"max_age_days must be positive, got {max_age_days}")
         self._path = path
         self._max_age_days = max_age_days
         self._now = now

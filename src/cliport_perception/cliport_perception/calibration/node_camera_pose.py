@@ -21,6 +21,7 @@ from cliport_core.ros_running import run_node
 from cliport_core.transforms import TransformTree
 from cliport_perception import conversions
 from cliport_perception.calibration.calibration_watch import CalibrationWatch
+from cliport_perception.camera_health import HealthReport, Level
 from cliport_perception.errors import CalibrationError
 
 STATUS_NAME = "cliport_perception: calibration"
@@ -45,6 +46,7 @@ class CameraPoseNode(Node):
         self._tree = TransformTree()
         self._camera_ns: int | None = None
         self._published: tuple[str, str] | None = None
+        self._is_joined = False
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self._transforms = self.create_publisher(TFMessage, topics.TF_STATIC, latched)
         self._diagnostics = self.create_publisher(DiagnosticArray, topics.DIAGNOSTICS, 10)
@@ -62,21 +64,28 @@ class CameraPoseNode(Node):
             try:
                 pose = pose @ self._tree.source_in_target(self._driver_frame, child)
             except FrameError:
-                return  # the driver has not said yet
+                self._is_joined = False  # the driver has not said yet
+                return
             child = self._driver_frame
         link = TransformStamped(child_frame_id=child, transform=messages.pose_to_transform_msg(pose))
         link.header.frame_id = record.base_frame
         link.header.stamp = self.get_clock().now().to_msg()
         self._transforms.publish(TFMessage(transforms=[link]))
         self._published = record.base_frame, child
+        self._is_joined = True
         self.get_logger().info(f"{child} in {record.base_frame}: {record.method.value}, {pose.translation.round(4)} m")
 
     def _on_tf(self, message: TFMessage) -> None:
         for link in message.transforms:
             if (link.header.frame_id, link.child_frame_id) == self._published:
                 continue
-            self._tree.put(link.header.frame_id, link.child_frame_id, messages.pose_from_transform_msg(link.transform))
-        if self._published is None:
+            try:
+                pose = messages.pose_from_transform_msg(link.transform)
+            except ValueError as error:
+                self.get_logger().warning(f"transform of '{link.child_frame_id}' ignored: {error}")
+                continue
+            self._tree.put(link.header.frame_id, link.child_frame_id, pose)
+        if not self._is_joined:
             self._publish()
 
     def _on_camera(self, message: CameraInfo) -> None:
@@ -88,6 +97,12 @@ class CameraPoseNode(Node):
             self._publish()
         age = None if self._camera_ns is None else (now_ns - self._camera_ns) * 1e-9
         report = self._watch.report(age)
+        if not self._is_joined:
+            words = (
+                f"nothing published: no transform from '{self._watch.record.camera_frame}' to driver_frame "
+                f"'{self._driver_frame}' on {topics.TF_STATIC}: is the driver running, is the name right?"
+            )
+            report = HealthReport(Level.ERROR, words, report.values)
         self._diagnostics.publish(conversions.diagnostics_to_msg(STATUS_NAME, report, now_ns))
 
 
