@@ -29,6 +29,8 @@ from cliport_policy.networks.rotation import bin_angles
 from cliport_policy.observation import observation_tensor
 from cliport_policy.peaks import CellGrid, Peak
 
+_WARM_UP = "put the red blocks in the green bowl"
+
 
 class Scores(NamedTuple):
     """A network's logits for one observation, float32, before any temperature.
@@ -54,7 +56,7 @@ class Policy:
         self._network = network.eval().to(memory_format=torch.channels_last)  # type: ignore[call-overload]
         self._anchors = anchors  # (A, 384) unit sentence vectors of training instructions
         self._encoder = encoder
-        self._accepted: tuple[str, TokenEmbeddings] | None = None  # the last sentence that was, and what it means
+        self._accepted = ""  # the last sentence that was
         self.grid = CellGrid(card.workspace, network.cell_size)
 
     @property
@@ -62,9 +64,29 @@ class Policy:
         """The grid that observations must have."""
         return self.card.workspace
 
+    @property
+    def needs_goal_image(self) -> bool:
+        """True if it acts on an image of the finished scene."""
+        return self._network.needs_goal_image
+
     def check_instruction(self, instruction: str) -> None:
         """Raise InstructionError, in one line, for a text that this policy should not act on."""
-        self._embed(instruction)
+        try:
+            text = normalized_instruction(instruction)
+        except core_errors.InstructionError as error:
+            raise InstructionError(str(error)) from None
+        if not text:
+            raise InstructionError("the instruction is empty: say what to put where")
+        if text == self._accepted:
+            return
+        similarity = self._similarity(self._encoder.encode_one(text))
+        if similarity < self.card.min_similarity:
+            shown = text if len(text) <= 60 else text[:57] + "..."
+            raise InstructionError(
+                f"the instruction '{shown}' is unlike anything this policy was trained on (similarity "
+                f"{similarity:.2f} < {self.card.min_similarity:.2f}): say it like 'put the red blocks in a green bowl'"
+            )
+        self._accepted = text
 
     def similarity(self, instruction: str) -> float:
         """Return the cosine similarity, in [-1, 1], of an instruction to the nearest of the training's."""
@@ -86,10 +108,20 @@ class Policy:
         """Return what `infer` does, with the distributions that it was chosen from."""
         return self._decide(self.score(observation, instruction, goal), with_maps=True)
 
-    @torch.inference_mode()
+    def warm_up(self) -> None:
+        """Decide once about an empty table, under a sentence that is not checked: the first call is the slowest."""
+        rows, cols = self.workspace.shape
+        color, height = np.full((rows, cols, 3), 128, np.uint8), np.zeros((rows, cols), np.float32)
+        empty = Heightmap(color, height, np.ones((rows, cols), np.bool_), self.workspace)
+        self._decide(self._score(empty, _WARM_UP, empty if self.needs_goal_image else None), with_maps=True)
+
     def score(self, observation: Heightmap, instruction: str, goal: Heightmap | None = None) -> Scores:
         """Return the network's logits for an observation. Raises the errors of `infer`."""
-        self._embed(instruction)
+        self.check_instruction(instruction)
+        return self._score(observation, instruction, goal)
+
+    @torch.inference_mode()
+    def _score(self, observation: Heightmap, instruction: str, goal: Heightmap | None) -> Scores:
         image = self._tensor(observation)
         network = self._network
         aim = network.look(image, network.encode_goal([instruction.strip()], self._goal_tensor(goal)))
@@ -147,26 +179,6 @@ class Policy:
     def _pose_at(self, pixel: tuple[int, int], yaw: float) -> PlanarPose:
         x, y = self.workspace.pixel_to_xy(pixel[0], pixel[1])
         return PlanarPose(x, y, yaw)
-
-    def _embed(self, instruction: str) -> TokenEmbeddings:
-        try:
-            text = normalized_instruction(instruction)
-        except core_errors.InstructionError as error:
-            raise InstructionError(str(error)) from None
-        if not text:
-            raise InstructionError("the instruction is empty: say what to put where")
-        if self._accepted is not None and self._accepted[0] == text:
-            return self._accepted[1]
-        embeddings = self._encoder.encode_one(text)
-        similarity = self._similarity(embeddings)
-        if similarity < self.card.min_similarity:
-            shown = text if len(text) <= 60 else text[:57] + "..."
-            raise InstructionError(
-                f"the instruction '{shown}' is unlike anything this policy was trained on (similarity "
-                f"{similarity:.2f} < {self.card.min_similarity:.2f}): say it like 'put the red blocks in a green bowl'"
-            )
-        self._accepted = text, embeddings
-        return embeddings
 
     def _similarity(self, embeddings: TokenEmbeddings) -> float:
         return float((self._anchors @ embeddings.sentence_vectors()[0]).max())

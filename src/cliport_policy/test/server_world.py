@@ -69,8 +69,9 @@ class World:
         self.stops += 1
         return self.ready
 
-    def resume(self) -> None:
+    def resume(self) -> bool:
         self.resumes += 1
+        return self.ready
 
     # events
 

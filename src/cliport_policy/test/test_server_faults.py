@@ -151,8 +151,10 @@ def test_simulated_time_may_stand_still_or_start_afresh() -> None:
 
 
 @pytest.mark.parametrize(
-    "settings", [{"max_steps": 0}, {"done_threshold": 1.5}, {"goal_timeout": 0.0}, {"retries": -1}]
-)
+    "settings",
+    [{"max_steps": 0}, {"done_threshold": 1.5}, {"goal_timeout": 0.0}, {"retries": -1}, {"settle": -5.0},
+     {"settle": float("nan")}, {"settle": float("inf")}, {"look_back": -1.0}, {"look_back": float("inf")}],
+)  # fmt: skip
 def test_senseless_settings_are_refused(settings: dict[str, Any]) -> None:
     with pytest.raises(ConfigError):
         ServerConfig(**settings)
@@ -178,3 +180,14 @@ def test_a_stop_that_did_not_reach_the_executor_says_so() -> None:
     assert not answer.success
     assert "the arm was not told" in answer.message and "\n" not in answer.message
     assert world.message == answer.message
+
+
+def test_a_resume_that_did_not_reach_the_executor_says_so() -> None:
+    world = World()
+    world.server.stop(world.now)
+    world.ready = False
+    answer = world.server.resume()
+    assert not answer.success and "/panda_executor/resume is not there" in answer.message
+    assert (world.state, world.message) == (PolicyState.IDLE, "ready")
+    world.ready = True
+    assert world.server.resume().success

@@ -53,9 +53,10 @@ class FakePolicy:
         if "block" not in text:
             raise InstructionError("the instruction is not understood")
 
+    def warm_up(self) -> None:
+        pass
+
     def infer(self, observation: Heightmap, instruction: str, with_maps: bool = False) -> Inference:
-        if not observation.stamp_ns:  # the warm-up
-            raise InstructionError("not yet")
         if self.error:
             raise self.error
         cells = np.full(WORKSPACE.shape, 1.0 / (WORKSPACE.rows * WORKSPACE.cols), np.float32)
@@ -92,6 +93,7 @@ class Graph:
             keep = self._keeper(name)
             self.person.create_subscription(Image, f"/cliport/affordance/{name}", keep, 2)
         self.person.create_service(Trigger, "/panda_executor/stop", self._on_stop, callback_group=group)
+        self.person.create_service(Trigger, "/panda_executor/resume", self._on_resume, callback_group=group)
         self.services = {
             name: self.person.create_client(Trigger, f"/cliport/{name}", callback_group=group)
             for name in ("approve", "stop", "resume")
@@ -112,6 +114,10 @@ class Graph:
 
     def _on_stop(self, _: Any, response: Trigger.Response) -> Trigger.Response:
         self.stops += 1
+        response.success = True
+        return response
+
+    def _on_resume(self, _: Any, response: Trigger.Response) -> Trigger.Response:
         response.success = True
         return response
 

@@ -66,9 +66,9 @@ class ExecutorLink:
         """Call the executor's own, latching stop; return whether that service is there."""
         return self._call(self._stop)
 
-    def resume(self) -> None:
-        """End the executor's stop."""
-        self._call(self._resume)
+    def resume(self) -> bool:
+        """End the executor's stop; return whether that service is there."""
+        return self._call(self._resume)
 
     def _call(self, client: Any) -> bool:
         if client.service_is_ready():

@@ -5,26 +5,23 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
+from functools import partial
 from typing import NamedTuple, Protocol
-
-import numpy as np
 
 from cliport_core.errors import CoreError
 from cliport_core.heightmap import Heightmap
-from cliport_core.workspace import WorkspaceSpec
 from cliport_policy.errors import PolicyError
 from cliport_policy.inference import Inference
 from cliport_policy.memory import trim_heap
 
-WARM_UP = "put the red blocks in the green bowl"
+logger = logging.getLogger(__name__)
 
 
 class InferringPolicy(Protocol):
     """A policy, as far as it is asked here."""
 
-    @property
-    def workspace(self) -> WorkspaceSpec:
-        """The grid that observations must have."""
+    def warm_up(self) -> None:
+        """Run once on nothing: the first call is the slowest."""
 
     def infer(self, observation: Heightmap, instruction: str, with_maps: bool = False) -> Inference:
         """Return the next action. Raises PolicyError."""
@@ -48,16 +45,18 @@ class InferenceWorker:
         self._pool = ThreadPoolExecutor(1, "inference")
 
     def warm_up(self) -> None:
-        """Run the network once on an empty table: the first call is the slowest."""
-        self._pool.submit(self._warm_up)
+        """Run the policy once on nothing: the first call is the slowest."""
+        self.run(self._warm_up)
 
     def start(self, token: int, observe: Callable[[], Heightmap], instruction: str) -> None:
         """Infer on what `observe` returns; it is called in the thread, too."""
-        self._pool.submit(self._run, token, observe, instruction)
+        self.run(partial(self._run, token, observe, instruction))
 
     def run(self, job: Callable[[], None]) -> Future[None]:
-        """Run something slow after what is waiting."""
-        return self._pool.submit(job)
+        """Run something slow after what is waiting; where it fails, a warning says so."""
+        future = self._pool.submit(job)
+        future.add_done_callback(_warn_of_failure)
+        return future
 
     def close(self) -> None:
         """Drop what waits, and do not wait for what runs."""
@@ -71,23 +70,19 @@ class InferenceWorker:
         except (PolicyError, CoreError) as error:
             answer = InferenceAnswer(token, None, None, str(error))
         except Exception as error:  # whatever it is, the server must hear of it and say so in one line
-            logging.getLogger(__name__).debug("inference failed", exc_info=True)
+            logger.debug("inference failed", exc_info=True)
             reason = " ".join(str(error).split())[:200]
             answer = InferenceAnswer(token, None, None, f"inference failed: {type(error).__name__}: {reason}")
         self._on_answer(answer)
         trim_heap()
 
     def _warm_up(self) -> None:
-        workspace = self._policy.workspace
-        rows, cols = workspace.shape
-        empty = Heightmap(
-            np.full((rows, cols, 3), 128, np.uint8),
-            np.zeros((rows, cols), np.float32),
-            np.ones((rows, cols), np.bool_),
-            workspace,
-        )
-        try:
-            self._policy.infer(empty, WARM_UP, with_maps=True)
-        except PolicyError as error:
-            logging.getLogger(__name__).debug("no warm-up: %s", error)
+        self._policy.warm_up()
         trim_heap()
+
+
+def _warn_of_failure(future: Future[None]) -> None:
+    error = None if future.cancelled() else future.exception()
+    if error is not None:
+        reason = " ".join(str(error).split())[:200]
+        logger.warning("the inference thread failed: %s: %s", type(error).__name__, reason)

@@ -29,6 +29,7 @@ from cliport_policy.server.types import (
 
 _STOPPED = f"stopped: call {topics.RESUME} to go on"
 _NOT_TOLD = f"the arm was not told: {topics.EXECUTOR_STOP} is not there; use its own stop if it moves"
+_NOT_RESUMED = f"the executor was not told: {topics.EXECUTOR_RESUME} is not there; call that one when it is"
 _CLOCK_RESET_NS = 10_000_000_000  # ROS time this far before what was waited for has been set back
 
 
@@ -123,12 +124,12 @@ class PolicyServer:
         return Answer(told, words)
 
     def resume(self) -> Answer:
-        """End a stop; the next instruction is acted on again."""
-        self._executor.resume()
+        """End a stop; the next instruction is acted on again. No success where the executor was not told."""
+        told = self._executor.resume()
         if self._stopped:
             self._stopped = False
             self._enter(PolicyState.IDLE, "ready")
-        return Answer(True, "ready for an instruction")
+        return Answer(told, "ready for an instruction" if told else _NOT_RESUMED)
 
     # what the camera and the policy say
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, fields
 from typing import Any, NamedTuple, Protocol
 
@@ -50,8 +51,9 @@ class ServerConfig:
     def __post_init__(self) -> None:
         if self.max_steps < 1 or self.retries < 0:
             raise ConfigError(f"max_steps must be >= 1 and retries >= 0, got {self.max_steps}, {self.retries}")
-        if not self.look_back >= 0.0:
-            raise ConfigError(f"look_back must be 0 or more, got {self.look_back}")
+        for name in ("settle", "look_back"):
+            if not 0.0 <= getattr(self, name) < math.inf:
+                raise ConfigError(f"{name} must be 0 or more and finite [s], got {getattr(self, name)}")
         for name in ("done_threshold", "absent_threshold", "min_confidence"):
             if not 0.0 <= getattr(self, name) <= 1.0:
                 raise ConfigError(f"{name} must be in 0..1, got {getattr(self, name)}")
@@ -102,5 +104,5 @@ class ExecutorPort(Protocol):
     def stop(self) -> bool:
         """Ask for a stop that holds until `resume`; return whether the executor is there to be asked."""
 
-    def resume(self) -> None:
-        """End a stop."""
+    def resume(self) -> bool:
+        """End a stop; return whether the executor is there to be asked."""
