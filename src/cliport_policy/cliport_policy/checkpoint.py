@@ -17,6 +17,7 @@ from safetensors.torch import save_file
 from torch import Tensor
 
 from cliport_core.action import Primitive
+from cliport_core.errors import CoreError
 from cliport_core.workspace import WorkspaceSpec
 from cliport_policy.errors import CheckpointError, ConfigError
 from cliport_policy.named_configs import AnyNetworkConfig, network_config_from_dict
@@ -140,18 +141,21 @@ def whole_file(path: Path) -> Iterator[Path]:
 
 
 def save_checkpoint(path: Path, tensors: dict[str, Tensor], card: Card) -> None:
-    """Write weights and card; each file appears whole or not at all.
+    """Write weights and card; each file appears whole or not at all, the weights first.
 
     Raises:
         CheckpointError: if they can't be written.
     """
-    with whole_file(path) as temporary:
+    with whole_file(path.with_suffix(".json")) as temporary_card, whole_file(path) as temporary:
         save_file({name: tensor.detach().contiguous() for name, tensor in tensors.items()}, temporary)
-        write_json(path.with_suffix(".json"), card.to_dict())
+        temporary_card.write_text(_json_text(card.to_dict()))
 
 
 class StoredTensors(Mapping[str, Tensor]):
-    """Mapping of a file's tensors, each read on access, so that only one of a large file need be in memory."""
+    """Mapping of a file's tensors, each read on access, so that only one of a large file need be in memory.
+
+    The file stays open: all tensors are of the file that was there at first, also when a training replaces it.
+    """
 
     def __init__(self, path: Path) -> None:
         """Open a file.
@@ -159,15 +163,13 @@ class StoredTensors(Mapping[str, Tensor]):
         Raises:
             OSError, SafetensorError: if it is absent or damaged.
         """
-        self._path = path
-        with safe_open(path, "pt") as file:
-            self._names = list(file.keys())
+        self._file = safe_open(path, "pt")
+        self._names = list(self._file.keys())
 
     def __getitem__(self, name: str) -> Tensor:
         if name not in self._names:
             raise KeyError(name)
-        with safe_open(self._path, "pt") as file:
-            tensor: Tensor = file.get_tensor(name)
+        tensor: Tensor = self._file.get_tensor(name)
         return tensor
 
     def __iter__(self) -> Iterator[str]:
@@ -198,8 +200,9 @@ def load_card(path: Path) -> Card:
         raise
     except (OSError, ValueError, KeyError, TypeError, AttributeError, ConfigError) as error:
         raise CheckpointError(f"the card {card_path} is damaged ({error}): restore it or train again") from error
-    except Exception as error:  # an unusable workspace: its own error type belongs to another package
-        raise CheckpointError(f"the card {card_path} holds no usable workspace ({error})") from error
+    except CoreError as error:
+        words = f"the card {card_path} holds no usable workspace ({error}): restore it or train again"
+        raise CheckpointError(words) from error
 
 
 def load_checkpoint(path: Path) -> tuple[StoredTensors, Card]:
@@ -228,4 +231,8 @@ def write_json(path: Path, values: dict[str, Any]) -> None:
         CheckpointError: if it can't be written.
     """
     with whole_file(path) as temporary:
-        temporary.write_text(json.dumps(values, indent=2) + "\n")
+        temporary.write_text(_json_text(values))
+
+
+def _json_text(values: dict[str, Any]) -> str:
+    return json.dumps(values, indent=2) + "\n"

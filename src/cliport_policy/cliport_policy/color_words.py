@@ -14,11 +14,13 @@ from typing import NamedTuple
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from safetensors import SafetensorError
 from safetensors.torch import load_file, save_file
 from torch import Tensor
 from torch.nn import functional as F
 
 from cliport_core.command_line import CommandParser
+from cliport_policy.checkpoint import whole_file
 from cliport_policy.errors import CheckpointError, ConfigError, PolicyError
 from cliport_policy.language import TextEncoder, shared_encoder
 from cliport_policy.networks.joint.color_words import ColorHead, scaled_lab
@@ -78,7 +80,7 @@ def load_color_head(arm: str) -> ColorHead:
     head = ColorHead()
     try:
         head.load_state_dict({name: value.float() for name, value in load_file(path).items()})
-    except (OSError, RuntimeError) as error:
+    except (OSError, RuntimeError, SafetensorError) as error:
         raise CheckpointError(f"can't read {path} ({error}): run fit_color_words again") from error
     return head.requires_grad_(False).eval()
 
@@ -188,15 +190,12 @@ def main(argv: Sequence[str] | None = None) -> int:
             raise ConfigError(f"--steps must be 1 or more, not {args.steps}")
         for arm in ARMS:
             head, loss = fit(arm, args.steps, args.seed, shared_encoder())
-            args.out.mkdir(parents=True, exist_ok=True)
             path = args.out / f"{arm}.safetensors"
-            save_file({name: value.half().contiguous() for name, value in head.state_dict().items()}, path)
+            with whole_file(path) as temporary:
+                save_file({name: value.half().contiguous() for name, value in head.state_dict().items()}, temporary)
             print(f"{arm}: {len(read_survey(arm).names)} names, loss {loss:.3f}, {path}")
     except PolicyError as error:
         print(f"error: {error}", file=sys.stderr)
-        return 1
-    except OSError as error:
-        print(f"error: can't write {args.out} ({error.strerror or error}): give another --out", file=sys.stderr)
         return 1
     return 0
 

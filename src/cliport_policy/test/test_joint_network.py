@@ -5,13 +5,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from safetensors import SafetensorError
 
 from cliport_core.action import Primitive
 from cliport_core.heightmap import Heightmap
 from cliport_core.workspace import WorkspaceSpec
+from cliport_policy import color_words
 from cliport_policy.checkpoint import ANCHORS, Card, save_checkpoint
 from cliport_policy.color_words import likelihoods, load_color_head, read_survey
-from cliport_policy.errors import ConfigError
+from cliport_policy.errors import CheckpointError, ConfigError
 from cliport_policy.joint_config import JointConfig
 from cliport_policy.language import ENCODER_NAME, shared_encoder
 from cliport_policy.named_configs import load_network_config, network_config_from_dict
@@ -156,3 +158,28 @@ def test_settings_come_back_and_wrong_ones_are_named() -> None:
         JointConfig(color_words="opne")
     with pytest.raises(ConfigError, match="null_actions=3"):
         JointConfig(null_actions=3)
+
+
+def test_a_damaged_color_head_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(color_words, "FOLDER", tmp_path)
+    for content in (b"", b"no tensors at all"):
+        (tmp_path / "open.safetensors").write_bytes(content)
+        with pytest.raises(CheckpointError, match="run fit_color_words again"):
+            load_color_head("open")
+
+
+def test_heads_that_cannot_be_written_leave_the_shipped_ones(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "strict.safetensors"
+    path.write_bytes(b"as it was")
+
+    def full(_: object, to: Path) -> None:
+        to.write_bytes(b"half")
+        raise SafetensorError("no space left")
+
+    monkeypatch.setattr(color_words, "fit", lambda *_: (color_words.ColorHead(), 0.0))
+    monkeypatch.setattr(color_words, "save_file", full)
+    assert color_words.main(["--out", str(tmp_path)]) == 1
+    assert capsys.readouterr().err.startswith(f"error: can't write {path} (no space left)")
+    assert [(file.name, file.read_bytes()) for file in tmp_path.iterdir()] == [(path.name, b"as it was")]
