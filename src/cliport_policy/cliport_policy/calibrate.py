@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -20,7 +20,7 @@ from cliport_core.command_line import CommandParser
 from cliport_policy.calibration import Calibration, JudgedAnswer, TemperatureFit
 from cliport_policy.checkpoint import load_checkpoint, resolve_checkpoint, write_json
 from cliport_policy.data.demonstrations import DemonstrationSet, load_demonstrations
-from cliport_policy.errors import ConfigError, DataError, PolicyError
+from cliport_policy.errors import ConfigError, DataError, InstructionError, PolicyError
 from cliport_policy.peaks import CellGrid, Peak
 from cliport_policy.policy import Policy, load_policy
 
@@ -33,11 +33,17 @@ def main(argv: Sequence[str] | None = None) -> int:
             raise ConfigError(f"--count is {args.count}: give at least 1")
         path = resolve_checkpoint(args.checkpoint)
         data = load_demonstrations(args.data)
-        found = calibrate(load_policy(path), data, args.count)
+        refusals: list[str] = []
+        found = calibrate(load_policy(path), data, args.count, refusals.append)
         _write(path, found, str(args.data))
     except PolicyError as error:
         print(f"error: {error}", file=sys.stderr)
         return 1
+    except KeyboardInterrupt:
+        print("error: interrupted; nothing was written", file=sys.stderr)
+        return 130
+    if refusals:
+        print(f"{len(refusals)} demonstrations left out, whose sentence the policy refuses, as in: {refusals[0]}")
     for name, each in found.items():
         print(
             f"{name}: temperature {each.temperature:.2f}, calibration error {each.ece_before:.3f} -> "
@@ -55,13 +61,16 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def calibrate(policy: Policy, data: DemonstrationSet, count: int) -> dict[str, Calibration]:
+def calibrate(
+    policy: Policy, data: DemonstrationSet, count: int, on_refusal: Callable[[str], None] = lambda words: None
+) -> dict[str, Calibration]:
     """Return the temperatures of `pick` and `place` that suit up to `count` demonstrations, drawn at random.
 
-    A place is judged only if the pick is the expert's.
+    A place is judged only if the pick is the expert's. on_refusal: told why the policy refuses a sentence, whose
+    demonstration is left out.
 
     Raises:
-        DataError: if the data set has another workspace or holds no action.
+        DataError: if the data set has another workspace or holds no action with a sentence that the policy takes.
     """
     if data.workspace != policy.workspace:
         raise DataError(
@@ -74,9 +83,12 @@ def calibrate(policy: Policy, data: DemonstrationSet, count: int) -> dict[str, C
     for number in np.random.default_rng(0).permutation(len(samples))[:count]:
         frame, demo = data.frames[samples[number].frame], data.demo(samples[number])
         goal = goals.get(samples[number].frame)
-        scores = policy.score(
-            data.observation(frame), demo.instruction, None if goal is None else data.observation(data.frames[goal])
-        )
+        image = None if goal is None else data.observation(data.frames[goal])
+        try:
+            scores = policy.score(data.observation(frame), demo.instruction, image)
+        except InstructionError as refusal:
+            on_refusal(str(refusal))
+            continue
         pick = judge(policy.grid, scores.picks[None], scores.pick, demo.pick_pixel)
         fits["pick"].add(pick)
         if pick.hit:

@@ -28,6 +28,7 @@ from cliport_policy.peaks import CellGrid
 from cliport_policy.policy import Policy, load_policy
 from cliport_policy.reliability_plot import plot_reliability
 
+PICTURES = (".png", ".pdf", ".svg")
 THRESHOLDS = (0.1, 0.3, 0.5, 0.7, 0.9)
 
 
@@ -38,11 +39,10 @@ class Reliability:
     finished, unfinished: the null action's probability in scenes of either kind.
     confidence: the lesser one of pick and place in unfinished scenes, as the server takes it.
     right: True if both lie within 3 cm of the expert's, which is a lower bound: if several objects would do, another
-    one
-    than the expert's counts as wrong.
+    one than the expert's counts as wrong.
     refused: number of further observations whose sentence the policy refused; they are in no share.
     foreign, own: probability that what is named is not here, under a sentence about what the scene lacks and under its
-    own; empty where the data set does not list the things on the table.
+    own; empty where the data set does not list the things on the table, or an image of the goal is acted on.
     """
 
     finished: NDArray[np.float64]
@@ -86,6 +86,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         if args.count < 1:
             raise ConfigError(f"--count is {args.count}: give at least 1")
+        if args.out.suffix not in PICTURES:
+            raise ConfigError(f"--out is {args.out}: give a picture's name, with {', '.join(PICTURES)}")
         data = load_demonstrations(args.data)
         path = resolve_checkpoint(args.checkpoint)
         policy = load_policy(path)
@@ -119,7 +121,7 @@ def _parser() -> argparse.ArgumentParser:
 def measure(
     policy: Policy, data: DemonstrationSet, count: int, tell: Callable[[int, int], None] = lambda done, total: None
 ) -> Reliability:
-    """Ask a policy about one finished and one unfinished scene of each of up to `count` episodes, drawn at random.
+    """Ask a policy about one finished and one unfinished scene, drawn at random, of each of the first `count` episodes.
 
     tell: called with the numbers of scenes done and in all.
 
@@ -134,40 +136,44 @@ def measure(
     finished, unfinished = _draw(data, count)
     if not unfinished:
         raise DataError(f"{data.folder} holds no scene in which something is to be done")
-    goals = data.goal_frames()
-    done: dict[bool, list[float]] = {True: [], False: []}
-    confidence, right, refusals, own = [], [], [], []
-    for number, index in enumerate([*finished, *unfinished]):
-        frame, demo = data.frames[index.frame], data.demo(index)
-        goal = None if index.frame not in goals else data.observation(data.frames[goals[index.frame]])
-        try:
-            inference = policy.infer(data.observation(frame), demo.instruction, goal=goal)
-        except InstructionError as refusal:
-            refusals.append(str(refusal))
-        else:
-            done[demo.done].append(inference.done_probability)
-            if not demo.done:
-                own.append(inference.absent_probability)
-                confidence.append(inference.confidence)
-                right.append(_is_right(policy.grid, inference, demo))
-        tell(number + 1, len(finished) + len(unfinished))
-    if not right:
+    answered, refusals = _ask(policy, data, [*finished, *unfinished], tell)
+    acting = [(inference, demo) for inference, demo in answered if not demo.done]
+    if not acting:
         raise DataError(f"the policy refuses every sentence of {data.folder}, as in: {refusals[-1]}")
     foreign = _ask_for_what_is_not_there(policy, data, unfinished)
     return Reliability(
-        np.array(done[True]),
-        np.array(done[False]),
-        np.array(confidence),
-        np.array(right, bool),
+        np.array([inference.done_probability for inference, demo in answered if demo.done]),
+        np.array([inference.done_probability for inference, _ in acting]),
+        np.array([inference.confidence for inference, _ in acting]),
+        np.array([_is_right(policy.grid, inference, demo) for inference, demo in acting], bool),
         len(refusals),
         np.array(foreign),
-        np.array(own) if foreign else np.zeros(0),
+        np.array([inference.absent_probability for inference, _ in acting]) if foreign else np.zeros(0),
     )
 
 
+def _ask(
+    policy: Policy, data: DemonstrationSet, indices: Sequence[Index], tell: Callable[[int, int], None]
+) -> tuple[list[tuple[Inference, Demonstration]], list[str]]:
+    """Return a policy's answers beside what the expert did, and its words about the sentences that it refused."""
+    goals, answered, refusals = data.goal_frames(), [], []
+    for number, index in enumerate(indices, start=1):
+        frame, demo = data.frames[index.frame], data.demo(index)
+        goal = None if index.frame not in goals else data.observation(data.frames[goals[index.frame]])
+        try:
+            answered.append((policy.infer(data.observation(frame), demo.instruction, goal=goal), demo))
+        except InstructionError as refusal:
+            refusals.append(str(refusal))
+        tell(number, len(indices))
+    return answered, refusals
+
+
 def _ask_for_what_is_not_there(policy: Policy, data: DemonstrationSet, indices: Sequence[Index]) -> list[float]:
-    """Return how likely the policy thinks that things are not here which are not, one answer an observation."""
-    if not any(data.frames[index.frame].things for index in indices):
+    """Return how likely the policy thinks that things are not here which are not, one answer an observation.
+
+    A policy that acts on an image of the goal is not asked: the image would show another thing than the sentence says.
+    """
+    if policy.needs_goal_image or not any(data.frames[index.frame].things for index in indices):
         return []
     absences, rng = Absences(Mixture([Source(data)])), np.random.default_rng(1)
     found = []

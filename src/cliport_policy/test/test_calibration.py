@@ -90,6 +90,32 @@ def test_calibrating_a_checkpoint(
         assert message in (line := capsys.readouterr().err) and line.count("\n") == 1
 
 
+def test_a_refused_sentence_is_left_out_and_counted(
+    tiny_checkpoint: Callable[..., Path], make_flat_set: Callable[..., Path], tmp_path: Path,
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    path, data = tiny_checkpoint("compact"), make_flat_set(tmp_path / "data", 3, actions=1, pixel_size=0.0125)
+    odd = make_flat_set(tmp_path / "odd", 1, actions=1, pixel_size=0.0125, task="odd", sentence="qwertz uiop asdf")
+    (odd / "part-00000.parquet").rename(data / "part-00001.parquet")
+    monkeypatch.setattr("cliport_policy.peaks.CONFIDENCE_RADIUS", 1.0)
+    assert main(["--checkpoint", str(path), "--data", str(data)]) == 0
+    shown = capsys.readouterr().out
+    assert "1 demonstrations left out, whose sentence the policy refuses" in shown and "on 3 demonstrations" in shown
+
+
+def test_an_interruption_is_one_line(
+    tiny_checkpoint: Callable[..., Path], make_flat_set: Callable[..., Path], tmp_path: Path,
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("cliport_policy.calibrate.calibrate", interrupt)
+    path, data = tiny_checkpoint("compact"), make_flat_set(tmp_path / "data", 1, actions=1, pixel_size=0.0125)
+    assert main(["--checkpoint", str(path), "--data", str(data)]) == 130
+    assert capsys.readouterr().err == "error: interrupted; nothing was written\n"
+
+
 def _some_observation(folder: Path):  # type: ignore[no-untyped-def]
     from cliport_policy.data.demonstrations import load_demonstrations
 

@@ -3,12 +3,15 @@
 import json
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from cliport_policy.reliability import Reliability, main, table
+from cliport_policy.data.demonstrations import load_demonstrations
+from cliport_policy.policy import load_policy
+from cliport_policy.reliability import Reliability, main, measure, table
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 
@@ -53,6 +56,19 @@ def test_the_command(
     assert "of these right" in capsys.readouterr().out
     assert main([*arguments, "--count", "0"]) == 1
     assert capsys.readouterr().err == "error: --count is 0: give at least 1\n"
+    for name in ("r.txt", "r.json", "r"):
+        assert main([*arguments[:4], "--out", str(tmp_path / name)]) == 1
+        assert "give a picture's name, with .png, .pdf, .svg" in capsys.readouterr().err
+        assert not (tmp_path / name).exists()
+
+
+def test_a_policy_that_acts_on_an_image_of_the_goal_is_not_asked_for_what_is_not_there(
+    tiny_checkpoint: Callable[..., Path], make_flat_set: Callable[..., Path], tmp_path: Path
+) -> None:
+    data = load_demonstrations(make_flat_set(tmp_path / "data", 2, actions=2, pixel_size=0.0125))
+    listed = [replace(frame, things=(("red", "block"), ("blue", "bowl"))) for frame in data.frames]
+    found = measure(load_policy(tiny_checkpoint("image_goal")), replace(data, frames=listed), 2)
+    assert len(found.unfinished) == 2 and len(found.foreign) == len(found.own) == 0
 
 
 def test_data_of_another_workspace_are_refused(
