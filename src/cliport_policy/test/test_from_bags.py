@@ -103,6 +103,17 @@ def test_a_camera_that_stands_elsewhere_is_refused_in_words(
     assert not out.exists() and {path.name for path in tmp_path.iterdir()} == {"here", "there"}
 
 
+def test_an_episode_that_is_left_out_decides_nothing(make_episode: MakeEpisode, tmp_path: Path) -> None:
+    make_episode(tmp_path / "here", "a", outcomes=(0,))
+    setup = CaptureSetup.from_dict(yaml.safe_load((tmp_path / "here" / "dataset.yaml").read_text()))
+    moved = Pose(setup.camera_in_base.rotation, setup.camera_in_base.translation + np.array([0.012, 0.0, 0.0]))
+    failed = replace(setup, camera_in_base=moved)
+    make_episode(tmp_path / "failed", "b", success=False, outcomes=(0,), setup=failed)
+    arguments = ["--from-bags", str(tmp_path / "failed"), str(tmp_path / "here"), "--out", str(tmp_path / "out")]
+    assert main(arguments) == 0
+    assert json.loads((tmp_path / "out" / "meta.json").read_text())["setup"] == setup.to_dict()
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

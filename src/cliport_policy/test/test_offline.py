@@ -78,13 +78,19 @@ def test_an_instruction_that_the_policy_refuses_is_a_line_of_the_report(
 
 
 def write_plain_bag(
-    episode: Path, bag: Path, without: str = "", storage: StoragePlugin = StoragePlugin.SQLITE3
+    episode: Path, bag: Path, without: str = "", storage: StoragePlugin = StoragePlugin.SQLITE3, first: bool = True
 ) -> Path:
-    """What an episode holds as another recorder would write it: camera all the time, poses late, no demonstration."""
+    """What an episode holds as another recorder would write it: camera all the time, poses late, no demonstration.
+
+    first: False leaves the first pick pose out, as when the recording began after it.
+    """
     with Writer(bag, version=9, storage_plugin=storage) as writer:
         connections = {}
         for raw in read_messages(episode):
             if raw.topic in (DEMONSTRATION, without):
+                continue
+            if raw.topic == "/cliport/pick_pose" and not first:
+                first = True
                 continue
             if raw.topic not in connections:
                 text, digest = definition_and_hash(raw)
@@ -108,6 +114,22 @@ def test_a_plain_bag_gives_what_the_episode_gives(
         steps.append(json.loads((out / "offline.json").read_text())["steps"])
     assert [{**step, "source": ""} for step in steps[0]] == [{**step, "source": ""} for step in steps[1]]
     assert steps[1][0]["source"] == "plain"
+
+
+def test_a_pose_without_its_partner_shifts_no_other(
+    make_episode: MakeEpisode, tiny_checkpoint: MakeCheckpoint, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    make_episode(tmp_path / "set", "one", outcomes=(0, 0, 0))
+    episode, checkpoint, steps = tmp_path / "set" / "episodes" / "one", tiny_checkpoint("compact"), []
+    for name in ("whole", "late"):
+        bag = write_plain_bag(episode, tmp_path / name, first=name == "whole")
+        out = tmp_path / f"out_{name}"
+        assert main(["--bag", str(bag), "--checkpoint", str(checkpoint), "--out", str(out), "--worst", "0"]) == 0
+        steps.append(json.loads((out / "offline.json").read_text())["steps"])
+    assert capsys.readouterr().out.count("poses without a partner of the same stamp") == 1
+    assert len(steps[0]) == 3 and len(steps[1]) == 2
+    for whole, late in zip(steps[0][1:], steps[1], strict=True):
+        assert {**late, "source": "", "step": 0} == {**whole, "source": "", "step": 0}
 
 
 def test_a_negative_number_of_pictures_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -84,7 +84,9 @@ def make_data_set(
         names: list[str] = []
         for done, path in enumerate(paths, start=1):
             episode = read_episode(path)
-            made = _rows_of(episode, len(names), selection, first.check(episode, workspace), tally)
+            made = []
+            if _is_selected(episode, selection, tally):
+                made = _rows_of(episode, len(names), first.check(episode, workspace), tally)
             if made:
                 names.append(episode.name)
                 rows += made
@@ -121,12 +123,16 @@ class _First:
         return self.workspace
 
 
-def _rows_of(episode: Episode, number: int, selection: Selection, workspace: WorkspaceSpec, tally: Tally) -> list[Row]:
+def _is_selected(episode: Episode, selection: Selection, tally: Tally) -> bool:
+    """Return True if an episode is to be learned from; count it where it is left out."""
     tally.complaints += [f"{episode.name}: {complaint}" for complaint in episode.complaints]
     refusal = selection.refusal(episode.success)
     if refusal:
         tally.episodes_left_out[refusal] += 1
-        return []
+    return not refusal
+
+
+def _rows_of(episode: Episode, number: int, workspace: WorkspaceSpec, tally: Tally) -> list[Row]:
     rows: list[Row] = []
     for step in episode.steps:
         demo = _demo_or_count(step, workspace, tally)

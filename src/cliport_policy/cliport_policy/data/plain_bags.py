@@ -37,7 +37,8 @@ def plain_steps(
 ) -> Iterator[RecordedStep]:
     """Yield a step for each pick pose with its place pose; `span` is extended by the messages' times of reception.
 
-    The picture is the one that has the poses' stamp, or the last before them; the camera does not move.
+    The two poses of a step have one stamp. The picture is the one that has it, or the last before them; the camera does
+    not move. complain: told once of poses without a partner, which are left out.
 
     renamed: the bag's topics, by this project's names for them.
 
@@ -46,7 +47,7 @@ def plain_steps(
         BagError: if the bag can't be read.
     """
     ours = {theirs: mine for mine, theirs in (renamed or {}).items()}
-    scene, poses, count = _Scene(path, workspace), dict[str, Any](), 0
+    scene, pairs, poses, count = _Scene(path, workspace), _Pairs(path, complain), dict[str, Any](), 0
     for received in read_messages(path, None, complain):
         span.add(received.stamp_ns)
         raw = replace(received, topic=ours.get(received.topic, received.topic))
@@ -54,6 +55,7 @@ def plain_steps(
             scene.hear(raw)
             if raw.topic in _POSES:
                 poses[raw.topic] = decode(raw)
+                pairs.keep_one_stamp(poses)
             step = scene.step(count, *(poses[topic] for topic in _POSES)) if len(poses) == len(_POSES) else None
         except (CoreError, ValueError, AttributeError) as error:
             raise DataError(f"{path}: {raw.topic} of type {raw.type} can't be used ({error})") from None
@@ -61,7 +63,27 @@ def plain_steps(
             yield step
             poses, count = {}, count + 1
     if not count:
-        raise DataError(f"{path} has no pick with its place ({', '.join(_POSES)}): there is nothing to compare")
+        raise DataError(
+            f"{path} has no pick with its place of the same stamp ({', '.join(_POSES)}): there is nothing to compare"
+        )
+
+
+class _Pairs:
+    """The rule by which poses are paired: by their stamps, since a recording may begin between the two."""
+
+    def __init__(self, path: Path, complain: Callable[[str], None]) -> None:
+        self._path, self._complain = path, complain
+        self._complained = False
+
+    def keep_one_stamp(self, poses: dict[str, Any]) -> None:
+        """Take the older of two poses away where their stamps differ."""
+        stamps = {topic: stamp_of(pose) for topic, pose in poses.items()}
+        if len(set(stamps.values())) < 2:
+            return
+        del poses[min(stamps, key=lambda topic: stamps[topic])]
+        if not self._complained:
+            self._complain(f"{self._path} has poses without a partner of the same stamp: they are left out")
+            self._complained = True
 
 
 class _Scene:
