@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass, fields
 from typing import Any
 
 from cliport_policy.errors import ConfigError
-from cliport_policy.settings import check_choice, check_keys, check_types
+from cliport_policy.settings import TOKEN_DIM, channel_counts, check_choice, check_common_shape, check_keys, check_types
 
 TARGETS = ("soft", "one_hot")
 SCHEDULES = ("cosine", "constant")
@@ -28,7 +28,7 @@ class NetworkConfig:
     """
 
     widths: tuple[int, ...] = (24, 40, 64, 96)
-    token_dim: int = 384
+    token_dim: int = TOKEN_DIM
     goal_dim: int = 128
     transport_channels: int = 4
     query_cells: int = 31
@@ -40,13 +40,8 @@ class NetworkConfig:
 
     def __post_init__(self) -> None:
         check_types(self, "network")
-        if len(self.widths) < 2 or min(self.widths) < 1:
-            raise ConfigError(f"widths must hold at least two positive channel counts, not {self.widths}")
-        if self.n_rotations < 1 or self.query_cells % 2 == 0 or self.crop_pixels % 8:
-            raise ConfigError(
-                f"n_rotations={self.n_rotations} must be positive, query_cells={self.query_cells} odd, "
-                f"crop_pixels={self.crop_pixels} a multiple of 8"
-            )
+        channel_counts(self.widths)
+        check_common_shape(self)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values, ready for JSON."""
@@ -60,7 +55,7 @@ class NetworkConfig:
             ConfigError: if a name or a value can't be.
         """
         check_keys(values, (f.name for f in fields(cls)), "network")
-        return cls(**{**values, "widths": tuple(values.get("widths", cls.widths))})
+        return cls(**{**values, "widths": channel_counts(values.get("widths", cls.widths))})
 
 
 @dataclass(frozen=True)
@@ -135,6 +130,19 @@ class TrainConfig:
         for name in (*shares, "recolor_probability", "rearrange_probability"):
             if getattr(self, name) > 1:
                 raise ConfigError(f"{name}={getattr(self, name)} must be in 0..1")
+
+    def check_goal_images_stay_true(self) -> None:
+        """Raise ConfigError for what would show a network an image of another goal than it is to reach."""
+        if self.rearrange_probability:
+            raise ConfigError(
+                f"rearrange_probability={self.rearrange_probability} is not for a network that is shown a goal image,"
+                " whose things lie elsewhere: leave it 0"
+            )
+        if self.absent_share:
+            raise ConfigError(
+                f"absent_share={self.absent_share} is not for a network that is shown a goal image, which has all that"
+                " is to be there: leave it 0"
+            )
 
     def learning_rate_at(self, step: int) -> float:
         """Return the learning rate of a step: linear warm-up, then the schedule."""

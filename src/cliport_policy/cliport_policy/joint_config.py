@@ -6,8 +6,9 @@ from dataclasses import asdict, dataclass, fields
 from typing import Any
 
 from cliport_policy.errors import ConfigError
-from cliport_policy.settings import check_choice, check_keys, check_types
+from cliport_policy.settings import TOKEN_DIM, channel_counts, check_choice, check_common_shape, check_keys, check_types
 
+CONTEXT_HEADS = 4  # of the attention among cells
 COLOR_WORDS = ("none", "strict", "open")
 
 
@@ -30,7 +31,7 @@ class JointConfig:
 
     widths: tuple[int, ...] = (16, 48, 96, 128)
     decoder_width: int = 16
-    token_dim: int = 384
+    token_dim: int = TOKEN_DIM
     goal_dim: int = 128
     context_layers: int = 2
     transport_channels: int = 8
@@ -46,12 +47,14 @@ class JointConfig:
     def __post_init__(self) -> None:
         check_types(self, "network")
         check_choice(self.color_words, COLOR_WORDS, "color_words")
-        if len(self.widths) < 2 or min(*self.widths, self.decoder_width) < 1:
-            raise ConfigError(f"widths must hold at least two positive channel counts, not {self.widths}")
-        if self.n_rotations < 1 or self.query_cells % 2 == 0 or self.crop_pixels % 8:
+        channel_counts(self.widths)
+        check_common_shape(self)
+        if self.decoder_width < 1:
+            raise ConfigError(f"decoder_width={self.decoder_width} must be positive")
+        if self.context_layers and self.widths[-1] % CONTEXT_HEADS:
             raise ConfigError(
-                f"n_rotations={self.n_rotations} must be positive, query_cells={self.query_cells} odd, "
-                f"crop_pixels={self.crop_pixels} a multiple of 8"
+                f"the last of widths={list(self.widths)} must be a multiple of {CONTEXT_HEADS}, the heads of the "
+                "context's attention; or set context_layers to 0"
             )
         if self.null_actions not in (1, 2) or self.context_layers < 0 or not 0 <= self.gray_share <= 1:
             raise ConfigError(
@@ -71,4 +74,4 @@ class JointConfig:
             ConfigError: if a name or a value can't be.
         """
         check_keys(values, (f.name for f in fields(cls)), "network")
-        return cls(**{**values, "widths": tuple(values.get("widths", cls.widths))})
+        return cls(**{**values, "widths": channel_counts(values.get("widths", cls.widths))})

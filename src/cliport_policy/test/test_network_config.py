@@ -98,6 +98,27 @@ def test_what_cannot_work_is_one_line(name: str, changes: dict[str, Any]) -> Non
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize("name", ["compact", "multi"])
+@pytest.mark.parametrize(
+    "changes",
+    [{"widths": 24}, {"widths": ["a", "b"]}, {"widths": [24]}, {"widths": [24, 0]}, {"widths": "24, 40"},
+     {"goal_dim": 130}, {"goal_dim": 0}, {"token_dim": 100}, {"query_cells": -1}, {"query_cells": 30},
+     {"crop_pixels": 0}, {"crop_pixels": 20}, {"transport_channels": 0}, {"n_rotations": 0}],
+)  # fmt: skip
+def test_a_shape_that_cannot_work_is_one_line(name: str, changes: dict[str, Any]) -> None:
+    with pytest.raises(ConfigError) as caught:
+        load_network_config(name, changes)
+    assert next(iter(changes)) in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_the_joint_networks_context_needs_whole_heads() -> None:
+    with pytest.raises(ConfigError, match="must be a multiple of 4"):
+        load_network_config("multi", {"widths": [16, 30]})
+    load_network_config("multi", {"widths": [16, 30], "context_layers": 0})
+    with pytest.raises(ConfigError, match="decoder_width=0"):
+        load_network_config("multi", {"decoder_width": 0})
+
+
 def test_a_change_reaches_one_net_only() -> None:
     config = load_network_config("cliport", {"query.language": "film", "rotator": {"spatial": "plain"}})
     assert isinstance(config, StreamsConfig) and config.rotator is not None

@@ -129,10 +129,11 @@ def test_the_papers_recipe_trains_any_network(make_flat_set: Callable[..., Path]
         assert load_policy(tmp_path / name, "float32").card.network == _streams(name)
 
 
-def test_a_goal_image_is_not_rearranged(make_flat_set: Callable[..., Path], tmp_path: Path) -> None:
+def test_a_goal_image_is_not_falsified(make_flat_set: Callable[..., Path], tmp_path: Path) -> None:
     data = make_flat_set(tmp_path / "data", 3, actions=2, pixel_size=SMALL)
-    with pytest.raises(ConfigError, match=r"rearrange_probability=0\.5 .* leave it 0"):
-        _trainer(data, tmp_path / "run", replace(PAPER, rearrange_probability=0.5), _streams("image_goal"))
+    for setting in ("rearrange_probability", "absent_share"):
+        with pytest.raises(ConfigError, match=rf"{setting}=0\.5 .* leave it 0"):
+            _trainer(data, tmp_path / "run", replace(PAPER, **{setting: 0.5}), _streams("image_goal"))
 
 
 def test_it_learns(make_flat_set: Callable[..., Path], tmp_path: Path) -> None:
@@ -241,6 +242,17 @@ def test_other_settings_do_not_resume(flat_set: Path, tmp_path: Path) -> None:
     with pytest.raises(DataError, match=r"data\.demonstrations was 6, not 2"):
         Trainer([Source(fewer)], tmp_path / "run", TINY, CONFIG, shared_encoder(), {})
     _trainer(flat_set, tmp_path / "run", replace(CONFIG, steps=9))  # longer is allowed
+
+
+def test_what_an_earlier_version_began_is_resumed(flat_set: Path, tmp_path: Path) -> None:
+    _trainer(flat_set, tmp_path / "run").save()
+    path = tmp_path / "run" / "training_config.json"
+    begun = json.loads(path.read_text())
+    del begun["network"]["mask"], begun["train"]["absent_share"], begun["primitive"]
+    path.write_text(json.dumps(begun))
+    _trainer(flat_set, tmp_path / "run")
+    with pytest.raises(DataError, match=r"network\.mask was True, not False"):
+        _trainer(flat_set, tmp_path / "run", network=replace(TINY, mask=False))
 
 
 @pytest.mark.parametrize(

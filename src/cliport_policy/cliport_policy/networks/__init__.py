@@ -1,1 +1,1 @@
-"""Policy networks, from tensors to tensors, batched: what all share; `compact` and `streams` hold the two kinds."""
+"""Policy networks, from tensors to tensors, batched: what all share; `compact`, `joint` and `streams` are the kinds."""

@@ -29,8 +29,7 @@ def correlate_centered(key: Tensor, window: Tensor, half_turns: bool = False) ->
     """Score each cell of a key (B, C, H, W) as the centre of windows (B, R, C, q, q), q odd: (B, R, H, W).
 
     The key is zero outside. half_turns: the scores are (B, 2 R, H, W), of the windows, then of the windows turned by
-    half
-    a turn, which have the same spectra, conjugated.
+    half a turn, which have the same spectra, conjugated.
     """
     height, width = key.shape[-2:]
     half = window.shape[-1] // 2
@@ -43,8 +42,7 @@ class _Correlation(torch.autograd.Function):
     """Circular correlation of a key (B, C, H, W) with windows (B, R, C, q, q), and its gradient: (B, R, *shape).
 
     Index (i, j) has each window's first corner on cell (i, j) of the key. It wraps around at `size`, up to which both
-    are
-    padded with zeros. With half_turns the result is (B, 2 R, *shape).
+    are padded with zeros. With half_turns the result is (B, 2 R, *shape).
     Spectra are made again for the gradient: that is quicker than to fetch them from memory.
     """
 

@@ -13,7 +13,7 @@ from torch import Tensor
 from cliport_policy.blank import blank_modules
 from cliport_policy.checkpoint import ANCHORS
 from cliport_policy.color_words import load_color_head
-from cliport_policy.config import NetworkConfig
+from cliport_policy.config import PRECISIONS, NetworkConfig
 from cliport_policy.encoders.files import models_folder
 from cliport_policy.encoders.registry import shared_encoders, with_available_encoder
 from cliport_policy.errors import CheckpointError, ConfigError
@@ -24,8 +24,6 @@ from cliport_policy.networks.joint.network import JointNetwork
 from cliport_policy.networks.policy_network import PolicyNetwork
 from cliport_policy.networks.streams.network import StreamsNetwork
 from cliport_policy.settings import check_choice
-
-PRECISIONS = ("auto", "float32", "bfloat16")
 
 
 def build_network(config: AnyNetworkConfig) -> PolicyNetwork:

@@ -13,8 +13,8 @@ from cliport_policy.config import TrainConfig
 from cliport_policy.data.batches import Phrasebook, collate, make_sample
 from cliport_policy.data.mixture import Mixture
 from cliport_policy.networks.policy_network import PolicyNetwork
+from cliport_policy.peaks import CONFIDENCE_RADIUS
 
-AGREE_RADIUS = 0.03  # m
 AGREE_YAW = math.radians(10)
 
 
@@ -40,7 +40,7 @@ def agreement(network: PolicyNetwork, data: Mixture, indices: Iterable[int]) -> 
     plain = TrainConfig(augment_probability=0.0, jitter=False)
     phrasebook = Phrasebook(data.instructions(), 0, rng)
     device = next(network.parameters()).device
-    cell, radius = network.cell_size, AGREE_RADIUS / data.workspace.pixel_size
+    cell, radius = network.cell_size, CONFIDENCE_RADIUS / data.workspace.pixel_size
     hits = {"pick": [0, 0], "yaw": [0, 0], "place": [0, 0], "done": [0, 0]}
     n = 0
     for index in indices:

@@ -9,10 +9,11 @@ from typing import Any
 
 from torch import Tensor
 
+from cliport_core.action import Primitive
 from cliport_core.workspace import WorkspaceSpec
 from cliport_policy.checkpoint import ANCHORS, Card, load_checkpoint, resolve_checkpoint, weights_sha256
 from cliport_policy.data.demonstrations import DemonstrationSet
-from cliport_policy.data.primitives import check_primitive
+from cliport_policy.data.primitives import check_primitive, primitive_taught
 from cliport_policy.errors import CheckpointError, ConfigError, DataError
 from cliport_policy.language import ENCODER_NAME
 from cliport_policy.named_configs import AnyNetworkConfig
@@ -87,6 +88,22 @@ class Initial:
     def to_dict(self) -> dict[str, Any]:
         """Return plain values for the card of a network that begins with this checkpoint."""
         return {"checkpoint": self.name, "sha256": self.sha256, "made_by": self.card.made_by}
+
+
+def primitive_of(
+    sets: Sequence[DemonstrationSet], network_config: AnyNetworkConfig, initial: Initial | None
+) -> Primitive:
+    """Return the primitive of all demonstrations; pick_place where the network chooses it.
+
+    Raises:
+        DataError: in words, where a demonstration is of another one.
+    """
+    if getattr(network_config, "chooses_primitive", False):
+        return Primitive.PICK_PLACE
+    if initial is None:
+        return primitive_taught(sets)
+    initial.check_primitive(sets)
+    return initial.card.primitive
 
 
 def load_initial(path_or_name: str | Path) -> Initial:

@@ -71,10 +71,10 @@ def parse_options(argv: Sequence[str] | None) -> TrainOptions:
         val=None if args.val is None else Path(args.val),
         out=Path(args.out),
         device=args.device,
-        save_minutes=args.save_minutes,
-        max_minutes=args.minutes,
+        save_minutes=_finite("--save-minutes", args.save_minutes),
+        max_minutes=math.inf if args.minutes == math.inf else _finite("--minutes", args.minutes),
         keep_steps=_steps(args.keep_steps),
-        cache_bytes=int(args.cache_gb * 2**30),
+        cache_bytes=int(_finite("--cache-gb", args.cache_gb) * 2**30),
     )
 
 
@@ -173,4 +173,10 @@ def _steps(text: str) -> frozenset[int]:
 def _at_least(option: str, value: int | None, least: int) -> int | None:
     if value is not None and value < least:
         raise ConfigError(f"{option} must be {least} or more, not {value}")
+    return value
+
+
+def _finite(option: str, value: float) -> float:
+    if not 0.0 <= value < math.inf:
+        raise ConfigError(f"{option} must be a finite number of 0 or more, not {value}")
     return value

@@ -16,21 +16,19 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from cliport_core.action import Primitive
 from cliport_policy.checkpoint import ANCHORS, Card, save_checkpoint
 from cliport_policy.config import TrainConfig
 from cliport_policy.data.batches import Phrasebook
 from cliport_policy.data.loader import THREADS, Loader, StepBatches
 from cliport_policy.data.mixture import Mixture, Source, SourceSettings
-from cliport_policy.data.primitives import primitive_taught
 from cliport_policy.data.recolor import Recoloring
-from cliport_policy.errors import ConfigError, TrainingError
+from cliport_policy.errors import TrainingError
 from cliport_policy.language import ENCODER_NAME, TextEncoder
 from cliport_policy.named_configs import AnyNetworkConfig
 from cliport_policy.networks.factory import build_network, has_fast_bfloat16
 from cliport_policy.policy import Policy
 from cliport_policy.training.distributed import Group
-from cliport_policy.training.initial import Initial
+from cliport_policy.training.initial import Initial, primitive_of
 from cliport_policy.training.losses import Losses, compute_losses
 from cliport_policy.training.state import resume_state, save_state
 
@@ -84,21 +82,11 @@ class Trainer:
         """
         self.folder, self.config, self.made_by, self.group, self.encoder = folder, config, made_by, group, encoder
         self.initial = initial
-        sets = [source.data for source in sources]
-        if getattr(network_config, "chooses_primitive", False):
-            self.primitive = Primitive.PICK_PLACE
-        elif initial is None:
-            self.primitive = primitive_taught(sets)
-        else:
-            initial.check_primitive(sets)
-            self.primitive = initial.card.primitive
+        self.primitive = primitive_of([source.data for source in sources], network_config, initial)
         torch.manual_seed(config.seed)
         network = build_network(network_config).to(group.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
-        if config.rearrange_probability and network.needs_goal_image:
-            raise ConfigError(
-                f"rearrange_probability={config.rearrange_probability} is not for a network that is shown a goal image,"
-                " whose things lie elsewhere: leave it 0"
-            )
+        if network.needs_goal_image:
+            config.check_goal_images_stay_true()
         if initial is not None:
             initial.put_into(network)
         group.share(network)
@@ -147,12 +135,14 @@ class Trainer:
                 if self.step in keep_steps:
                     self.save_policy(self.folder / "checkpoints" / f"step-{self.step:07d}.safetensors")
                 if time.monotonic() - saved > 60 * save_minutes:
-                    self.save()
-                    on_save()
+                    self._save_and_tell(on_save)
                     saved = time.monotonic()
         if self.group.is_first:
-            self.save()
-            on_save()
+            self._save_and_tell(on_save)
+
+    def _save_and_tell(self, on_save: Callable[[], None]) -> None:
+        self.save()
+        on_save()
 
     def save(self) -> None:
         """Write the averaged weights as a policy, and the state to resume from."""

@@ -5,6 +5,8 @@ from __future__ import annotations
 import torch
 from torch import Tensor, nn
 
+from cliport_policy.settings import GOAL_HEADS
+
 
 class GoalReader(nn.Module):
     """Small transformer layer over frozen token embeddings, then attention pooling with learned queries.
@@ -12,7 +14,7 @@ class GoalReader(nn.Module):
     Attention over tokens keeps which colour belongs to which object, which a pooled sentence vector loses.
     """
 
-    def __init__(self, token_dim: int, goal_dim: int, heads: int = 4, n_goals: int = 2) -> None:
+    def __init__(self, token_dim: int, goal_dim: int, heads: int = GOAL_HEADS, n_goals: int = 2) -> None:
         super().__init__()
         self.project = nn.Sequential(nn.LayerNorm(token_dim), nn.Linear(token_dim, goal_dim))
         self.mix = nn.TransformerEncoderLayer(

@@ -6,6 +6,8 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
+from cliport_policy.joint_config import CONTEXT_HEADS
+
 
 class Attention(nn.Module):
     """Multi-head attention of queries to keys, both normalised before."""
@@ -38,7 +40,7 @@ class Attention(nn.Module):
 class ContextLayer(nn.Module):
     """Cells attend to each other, then to words, then each to itself."""
 
-    def __init__(self, dim: int, word_dim: int, heads: int = 4) -> None:
+    def __init__(self, dim: int, word_dim: int, heads: int = CONTEXT_HEADS) -> None:
         super().__init__()
         self.cells = Attention(dim, dim, heads)
         self.words = Attention(dim, word_dim, heads)
