@@ -85,7 +85,8 @@ def met_surveyed_colors(card: Card) -> bool:
 def _config_like(network: AnyNetworkConfig) -> str:
     alike = [name for name in config_names() if not _is_changed(name, network)]
     own = [name for name in alike if not replaced_encoders(name, network)]
-    return next(iter(own or alike), "streams" if isinstance(network, StreamsConfig) else "compact")
+    kind = str(network.to_dict().get("kind", "compact"))
+    return next(iter(own or alike), kind)
 
 
 def _is_changed(name: str, network: AnyNetworkConfig) -> bool:

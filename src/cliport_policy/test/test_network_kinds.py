@@ -1,4 +1,4 @@
-"""The two kinds of network know what they share, and nothing of each other."""
+"""The three kinds of network know what they share, and nothing of each other."""
 
 import ast
 from pathlib import Path
@@ -11,6 +11,7 @@ from cliport_policy.networks.compact.network import CompactNetwork
 from cliport_policy.networks.factory import restore_network
 
 PACKAGE = "cliport_policy.networks"
+KINDS = ("compact", "joint", "streams")
 FOLDER = Path(cliport_policy.__file__).parent / "networks"
 
 
@@ -19,7 +20,11 @@ def _imports(path: Path) -> set[str]:
     return {node.module for node in nodes if isinstance(node, ast.ImportFrom) and node.module}
 
 
-@pytest.mark.parametrize(("kind", "other"), [("compact", "streams"), ("streams", "compact")])
+# The joint network is made of the compact one's goal reader, rotator and blocks.
+@pytest.mark.parametrize(
+    ("kind", "other"),
+    [("compact", "streams"), ("compact", "joint"), ("streams", "compact"), ("streams", "joint"), ("joint", "streams")],
+)
 def test_one_kind_knows_nothing_of_the_other(kind: str, other: str) -> None:
     files = sorted((FOLDER / kind).glob("*.py"))
     assert files
@@ -28,10 +33,10 @@ def test_one_kind_knows_nothing_of_the_other(kind: str, other: str) -> None:
         assert f"{PACKAGE}.factory" not in _imports(path), path
 
 
-def test_what_both_share_knows_neither_but_for_the_factory() -> None:
+def test_what_all_share_knows_none_but_for_the_factory() -> None:
     knowing = set()
     for path in FOLDER.glob("*.py"):
-        if any(name.startswith((f"{PACKAGE}.compact", f"{PACKAGE}.streams")) for name in _imports(path)):
+        if any(name.startswith(tuple(f"{PACKAGE}.{kind}" for kind in KINDS)) for name in _imports(path)):
             knowing.add(path.name)
     assert knowing == {"factory.py"}
 
@@ -45,6 +50,6 @@ def test_shipped_weights_are_those_of_the_compact_network(name: str) -> None:
     assert set(network.state_dict()) == set(tensors) - {ANCHORS}
 
 
-@pytest.mark.parametrize("kind", ["compact", "streams"])
-def test_both_kinds_are_installed(kind: str) -> None:
+@pytest.mark.parametrize("kind", KINDS)
+def test_all_kinds_are_installed(kind: str) -> None:
     assert (FOLDER / kind / "__init__.py").is_file()

@@ -15,7 +15,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from cliport_core.action import Primitive
-from cliport_core.errors import ImageError
+from cliport_core.errors import CoreError, ImageError
 from cliport_core.heightmap import Heightmap
 from cliport_core.image_files import decode_color_file, decode_gray_file
 from cliport_core.workspace import WorkspaceSpec
@@ -23,7 +23,7 @@ from cliport_policy.data.encoded_rows import IMAGES, EncodedRows, Place
 from cliport_policy.errors import DataError
 
 FORMAT_VERSIONS = (1, 2, 3)  # 1 has no primitives, 1 and 2 do not list the things on the table
-HEIGHT_UNIT = 1e-4  # m: of stored heights above the workspace's z_min, where a data set does not say
+UNSTATED_HEIGHT_UNIT = 1e-4  # m: of stored heights above the workspace's z_min, where a data set does not say
 CACHE_BYTES = 4 << 30  # of encoded observations in memory: about 40,000
 
 
@@ -90,7 +90,7 @@ class DemonstrationSet:
         try:
             color, valid = decode_color_file(encoded[0]), decode_gray_file(encoded[2]) > 0
             units = decode_gray_file(encoded[1]).astype(np.float32)
-            units *= np.float32(self.meta.get("height_unit", HEIGHT_UNIT))
+            units *= np.float32(self.meta.get("height_unit", UNSTATED_HEIGHT_UNIT))
             height = np.where(valid, units + np.float32(self.workspace.z_min), np.float32(0))
             if {color.shape[:2], height.shape, valid.shape} != {self.workspace.shape}:
                 raise ValueError(f"an image is not of the workspace's shape {self.workspace.shape}")
@@ -163,7 +163,7 @@ def load_demonstrations(folder: str | Path, cache_bytes: int = CACHE_BYTES) -> D
     meta = _read_meta(folder)
     try:
         workspace = WorkspaceSpec.from_dict(meta["workspace"])
-    except Exception as error:
+    except (CoreError, KeyError, TypeError, ValueError, AttributeError) as error:
         raise DataError(f"{folder}/meta.json holds no usable workspace ({error}): generate it again") from error
     parts = sorted(folder.glob("part-*.parquet"))
     frames: list[Frame] = []

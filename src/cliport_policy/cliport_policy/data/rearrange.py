@@ -43,8 +43,7 @@ def rearranged(scene: Heightmap, demo: Demonstration, rng: np.random.Generator) 
     """Return scene and demonstration with each thing elsewhere.
 
     Things that leave the picture stay; things that touch stay together. Both are returned unchanged if the sentence
-    names
-    a direction, no thing is seen at the pick, the things find no free place, or no table is seen between them.
+    names a direction, no thing is seen at the pick, the things find no free place, or no table is seen between them.
     """
     if names_direction(demo.instruction):
         return scene, demo
