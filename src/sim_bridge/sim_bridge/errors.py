@@ -46,4 +46,4 @@ class TaskPackageError(SimBridgeError):
 
     def __init__(self, name: str, why: str) -> None:
         self.name = name
-        super().__init__(f"the added task '{name[:60]}': {why}; mend or uninstall its package")
+        super().__init__(f"the added task '{name[:60]}': {' '.join(why.split())}; mend or uninstall its package")

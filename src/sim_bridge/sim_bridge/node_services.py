@@ -10,16 +10,15 @@ from rclpy.node import Node
 
 from cliport_core import topics
 from cliport_interfaces.srv import GetScore, ResetTask
-from sim_bridge.errors import LayoutError, PhysicsError, SimBridgeError, SimulationError
+from sim_bridge.errors import SimBridgeError, SimulationError
 from sim_bridge.panda import ArmState
-from sim_bridge.robot import ROBOT
+from sim_bridge.robot import HOME_TOLERANCE, ROBOT
 from sim_bridge.scene import reset_scene
 from sim_bridge.sim_loop import SimLoop
 from sim_bridge.task_mechanics.task import Task
 from sim_bridge.world import SimWorld
 
 _JUDGED_EVERY = 0.1  # that the arm may have come home [s]
-_HOME_TOLERANCE = 0.02  # [rad]
 
 
 class SceneServices:
@@ -34,6 +33,7 @@ class SceneServices:
         self._seed = seed
         self._logger = node.get_logger()
         self._was_away = False  # the arm, since the scene was judged
+        self._home_since: float | None = None  # simulated time [s]; None while the arm is away or moves
         loop.every(_JUDGED_EVERY, self._watch)
         group = MutuallyExclusiveCallbackGroup()
         node.create_service(ResetTask, topics.SIM_RESET, self._reset, callback_group=group)
@@ -59,28 +59,48 @@ class SceneServices:
         present = self._task
         name = request.task or (present.name if present else "")
         split = request.split or (present.split.value if present else "")
+        panda = self._world.panda
         try:
             task = reset_scene(self._world, name, split, request.seed, request.instruction)
-        except (LayoutError, PhysicsError):  # the old scene is gone by then
-            self._task = None
+        except Exception:
+            if self._world.panda is not panda:  # the world was cleared: the old scene is gone
+                self._take_scene(None)
             raise
-        self._loop.arm.reset("the world was reset")
-        self._loop.gripper.reset("the world was reset")
-        self._task, self._seed, self._was_away = task, request.seed, False
+        self._take_scene(task)
+        self._seed = request.seed
         return task
 
+    def _take_scene(self, task: Task | None) -> None:
+        """Begin anew with the scene of a cleared world, whose arm is at home."""
+        self._loop.arm.reset("the world was reset")
+        self._loop.gripper.reset("the world was reset")
+        self._task, self._was_away, self._home_since = task, False, None
+
     def _watch(self, time: float, state: ArmState) -> None:
-        """Judge the scene after an action: when the arm has been away and is home, and everything rests."""
-        if np.abs(state.positions - ROBOT.ready).max() > _HOME_TOLERANCE:
-            self._was_away = True
-        elif self._was_away and all(thing.fixed or self._world.is_still(thing) for thing in self._world.objects):
+        """Judge the scene after an action: when the arm has been away and is home, and everything rests.
+
+        A rope never quite rests: a scene is judged after the physics' time to settle at the latest, or when the next
+        motion begins.
+        """
+        at_home = np.abs(state.positions - ROBOT.ready).max() <= HOME_TOLERANCE
+        if at_home and self._loop.arm.active is None:
+            if self._home_since is None:
+                self._home_since = time
+            if self._was_away and (time - self._home_since >= self._world.config.max_settle_s or self._rests()):
+                self._judge()
+            return
+        if self._was_away and self._home_since is not None:
             self._judge()
+        self._home_since = None
+        self._was_away = self._was_away or not at_home
+
+    def _rests(self) -> bool:
+        return all(thing.fixed or self._world.is_still(thing) for thing in self._world.objects)
 
     def _judge(self) -> None:
         """Judge the scene once for each action: goals that are fulfilled without one do not count yet."""
-        at_home = np.abs(self._world.panda.state().positions - ROBOT.ready).max() <= _HOME_TOLERANCE
-        if self._task is not None and self._was_away and at_home and self._loop.arm.active is None:
-            self._was_away = False
+        self._was_away = False
+        if self._task is not None:
             self._task.advance()
 
     def _score(self, request: GetScore.Request, response: GetScore.Response) -> GetScore.Response:
@@ -99,10 +119,10 @@ class SceneServices:
         return response
 
     def _score_now(self) -> tuple[float, bool, str]:
-        """Return the last action's score, done and sentence; while the arm is away
+        """Return the last judged action's score, done and sentence; while the arm is away
         nothing is judged: what it carries may only pass by."""
         task = self._present()
-        self._judge()
+        self._watch(self._world.time, self._world.panda.state())
         return float(task.score()), bool(task.done()), task.instruction
 
     def _present(self) -> Task:

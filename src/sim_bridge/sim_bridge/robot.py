@@ -6,3 +6,4 @@ ROBOT = load_preset("panda")
 HAND = ROBOT.hand
 # What an opened finger takes beside a thing: its thickness, the free space that it needs and a margin [m].
 BESIDE = HAND.finger_thickness + HAND.finger_slack + 0.0033
+HOME_TOLERANCE = 0.02  # of each joint from `ROBOT.ready`, within which the arm is at home [rad]

@@ -1,14 +1,18 @@
 """Tasks that other packages add: found by entry points, and refused in one clear line where they cannot be used."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from importlib.metadata import EntryPoint
 
+import numpy as np
 import pytest
 
 from sim_bridge.errors import GoalError, TaskPackageError, UnknownNameError
+from sim_bridge.scene import reset_scene
+from sim_bridge.task_mechanics.goal import Goal
 from sim_bridge.task_mechanics.task import Task
 from sim_bridge.tasks import TASKS, added_tasks, is_known, make_task, registry
 from sim_bridge.tasks.block_insertion import BlockInsertion
+from sim_bridge.world import SimWorld
 
 GROUP = "sim_bridge.tasks"
 
@@ -58,6 +62,23 @@ def test_what_cannot_be_used_is_named(
 def test_two_copies_of_one_package_are_one(monkeypatch: pytest.MonkeyPatch) -> None:
     install(monkeypatch, *[("again", "sim_bridge.tasks.block_insertion:BlockInsertion")] * 2)
     assert list(added_tasks()) == ["again"]
+
+
+class Clumsy(BlockInsertion):
+    """A task whose scene cannot be made."""
+
+    def set_up(self, world: SimWorld, rng: np.random.Generator) -> Sequence[Goal]:
+        raise ZeroDivisionError("a scene\nof nothing")
+
+
+def test_a_scene_that_fails_is_refused_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    install(monkeypatch, ("clumsy", f"{__name__}:Clumsy"))
+    monkeypatch.setattr(EntryPoint, "load", lambda entry: Clumsy)
+    world = SimWorld()
+    with pytest.raises(TaskPackageError, match=r"its scene cannot be made \(ZeroDivisionError") as caught:
+        reset_scene(world, "clumsy", "test", 0)
+    world.close()
+    assert "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize("name", sorted(TASKS))
