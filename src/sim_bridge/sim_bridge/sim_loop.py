@@ -82,13 +82,16 @@ class SimLoop:
     def call(self, function: Callable[[], T], timeout: float = 30.0) -> T:
         """Run `function` between two steps; return what it returns or raise what it raises.
 
-        Raises SimulationError when the loop has ended.
+        Raises SimulationError when the loop has ended, or has not finished within `timeout` s of wall time. What had
+        not begun by then is never run; the message says which it is.
         """
         if threading.current_thread() is self._thread:
             return function()
         future: Future[T] = Future()
 
         def job() -> None:
+            if not future.set_running_or_notify_cancel():
+                return
             try:
                 future.set_result(function())
             except Exception as error:
@@ -102,7 +105,16 @@ class SimLoop:
             except TimeoutError:
                 if future.done():
                     raise
-        raise SimulationError("the simulation has stopped" if self._stopping.is_set() else "the simulation hangs")
+        if not future.cancel() and future.done():
+            return future.result()
+        raise SimulationError(self._why_unfinished(future, timeout))
+
+    def _why_unfinished(self, future: Future[T], timeout: float) -> str:
+        if self._stopping.is_set():
+            return "the simulation has stopped"
+        if future.cancelled():
+            return f"the simulation was busy for {timeout:g} s and has not done this: ask again"
+        return f"the simulation still does this after {timeout:g} s: wait, then look at the scene"
 
     def wait(self, execution: Execution, timeout: float) -> bool:
         """Wait up to `timeout` s of wall time for `execution` to end; return whether it has."""
