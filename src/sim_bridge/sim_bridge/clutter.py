@@ -59,25 +59,37 @@ def add_clutter(
         PhysicsError: when objects flew apart.
     """
     config = config or ClutterConfig()
-    kept_free = _kept_free(world, task, config)
+    kept_free, taken = _kept_free(world, task, config), _to_be_taken(task, world)
     added = []
     for _ in range(int(rng.integers(config.least, config.most + 1))):
         shape = clutter_shapes()[int(rng.integers(len(clutter_shapes())))]
         paint = CLUTTER_PAINTS[int(rng.integers(len(CLUTTER_PAINTS)))]
-        pose = _free_pose(world, shape, kept_free, rng)
+        pose = _free_pose(world, shape, kept_free, taken, rng)
         if pose is not None:
             added.append(world.add(shape, pose.as_pose(-shape.bottom), paint=paint))
     world.settle()
     return added
 
 
+def _to_be_taken(task: Task, world: SimWorld) -> list[SceneObject]:
+    """Return the things that the hand may take: those with pinches, and everyday objects, whose pinches are looked for
+    as they lie."""
+    wanted = [thing for goal in task.goals for thing in goal.objects] if isinstance(task, GoalTask) else []
+    if all(thing.shape.pinches for thing in wanted):
+        return [thing for thing in world.objects if is_graspable(thing)]
+    return [thing for thing in world.objects if not thing.fixed]
+
+
 def _free_pose(
-    world: SimWorld, shape: Shape, kept_free: npt.NDArray[np.float64], rng: np.random.Generator
+    world: SimWorld,
+    shape: Shape,
+    kept_free: npt.NDArray[np.float64],
+    taken: list[SceneObject],
+    rng: np.random.Generator,
 ) -> PlanarPose | None:
     """Return a pose drawn uniformly from all free ones; None where there is none. Both draw equally often from rng."""
     workspace = world.config.workspace
     free = distance_to_things(world, world.objects) >= shape.radius + GAP
-    taken = [thing for thing in world.objects if is_graspable(thing)]
     free &= distance_to_things(world, taken) >= shape.radius + FINGER_CLEARANCE
     free &= border_distance(workspace) >= shape.radius + BORDER
     free &= kept_free >= shape.radius

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 
+import cv2
 import numpy as np
 import pytest
 
@@ -12,7 +13,7 @@ from sim_bridge.errors import SimulationError
 from sim_bridge.objects.clutter_shapes import CLUTTER_PAINTS, clutter_shapes
 from sim_bridge.scene import reset_scene
 from sim_bridge.task_mechanics.goal_task import GoalTask
-from sim_bridge.task_mechanics.placing import outline
+from sim_bridge.task_mechanics.placing import FINGER_CLEARANCE, outline
 from sim_bridge.tasks import TASKS
 from sim_bridge.world import SimConfig, SimWorld
 
@@ -34,6 +35,7 @@ def world() -> Iterator[SimWorld]:
         "align-rope",
         "separating-piles-seen-colors",
         "align-box-corner",
+        "packing-seen-google-objects-group",
     ],
 )
 def test_clutter_keeps_clear_of_what_the_task_needs_and_changes_no_score(world: SimWorld, name: str) -> None:
@@ -58,6 +60,25 @@ def test_clutter_keeps_clear_of_what_the_task_needs_and_changes_no_score(world: 
             assert np.linalg.norm(seen[:, None] - targets[None], axis=-1).min() > 0.03
         for place, radius in task.arrivals:
             assert np.linalg.norm(seen - (place.x, place.y), axis=-1).min() > radius
+
+
+def test_the_fingers_have_room_beside_an_everyday_object(world: SimWorld) -> None:
+    for seed in (2, 3):
+        task = reset_scene(world, "packing-seen-google-objects-group", "val", seed)
+        own = [thing for thing in world.objects if not thing.fixed]
+        for thing in add_clutter(world, task, np.random.default_rng(seed), MANY):
+            seen = outline(world, thing)
+            for other in own:  # both outlines are convex: corners and edges against corners and edges
+                assert outline_distance(seen, outline(world, other)) > FINGER_CLEARANCE - WorkspaceSpec().pixel_size
+
+
+def outline_distance(first: np.ndarray, second: np.ndarray) -> float:
+    """The distance between two convex outlines (N, 2) that do not touch [m]."""
+    return min(
+        -cv2.pointPolygonTest(polygon.astype(np.float32)[:, None], (float(x), float(y)), True)
+        for polygon, corners in ((first, second), (second, first))
+        for x, y in corners
+    )
 
 
 def test_the_same_seed_gives_the_same_clutter(world: SimWorld) -> None:
