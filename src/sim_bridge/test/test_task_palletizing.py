@@ -83,6 +83,19 @@ def test_a_box_that_lies_beside_the_pallet_is_still_to_be_moved(world: SimWorld)
     assert goal is not None and {thing for thing, _ in task.moves_to_make(goal)} == set(task.objects[1:])
 
 
+def test_a_box_that_was_tried_in_vain_waits_while_others_come(world: SimWorld) -> None:
+    task = set_up(world, 5003)
+    world.move_object(task.objects[1], Pose.from_xyz_rpy((0.45, 0.05, 0.029), (0.0, 0.0, 0.3)))
+    task.advance()
+    picks = []
+    for _ in range(2):  # nothing is carried out
+        action = task.expert_action()
+        assert action is not None
+        picks.append((action.pick.x, action.pick.y))
+        task.advance()
+    assert len(task.objects) == 3 and np.linalg.norm(np.subtract(*picks)) > 0.1
+
+
 def test_the_order_within_a_layer_and_the_yaws_are_drawn(world: SimWorld) -> None:
     def scene(seed: int) -> list[float]:
         task = set_up(world, seed)

@@ -12,6 +12,7 @@ from sim_bridge.robot import HAND
 
 BLOCK_SIZE = 0.04  # edge [m]
 BLOCK_MASS = 0.03  # [kg]
+BOX_MASS = 0.1  # of a box of any size [kg]
 WIDEST_PINCH = HAND.widest - 0.003  # widest thing that the hand takes, with a margin [m]
 
 

@@ -25,7 +25,7 @@ from sim_bridge.objects.shape import Shape
 THICKNESS = 0.02  # [m]
 MASS = 0.1  # [kg]
 
-_MARGIN = 0.0009  # by which PyBullet makes a hull thicker on every side [m]
+_MARGIN = 0.0009  # by which a hull is drawn in, nearly the padding that PyBullet adds (collision.HULL_PADDING) [m]
 
 
 @dataclass(frozen=True)

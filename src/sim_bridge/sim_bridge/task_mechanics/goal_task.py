@@ -159,6 +159,10 @@ class GoalTask(Task):
         goal = self.present_goal
         if goal is not None and goal.reached(self.world):
             self._reached += 1
+        self.note_what_moved()
+
+    def note_what_moved(self) -> None:
+        """Note after an action whether the thing that was to be moved was so in vain, because nothing moved."""
         if self._proposed is not None:
             thing, before = self._proposed
             now = self._positions()

@@ -16,6 +16,8 @@ from sim_bridge.objects import SceneObject
 from sim_bridge.task_mechanics.goal import Goal
 from sim_bridge.world import SimWorld
 
+DONE_ABOVE = 0.99  # a task with a higher score is done
+
 
 class Split(Enum):
     """Part of the data that a scene belongs to; the order is part of every scene's seed."""
@@ -159,4 +161,4 @@ class Task(ABC):
 
     def done(self) -> bool:
         """Return True if the whole task is reached."""
-        return self.score() > 0.99
+        return self.score() > DONE_ABOVE

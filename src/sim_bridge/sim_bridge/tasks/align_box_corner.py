@@ -13,7 +13,7 @@ import numpy as np
 from cliport_core import Pose
 from sim_bridge.colors import random_brown
 from sim_bridge.objects import cuboid
-from sim_bridge.objects.block import WIDEST_PINCH
+from sim_bridge.objects.block import BOX_MASS, WIDEST_PINCH
 from sim_bridge.objects.corner import corner_shape
 from sim_bridge.task_mechanics.goal import Goal, PoseMetric
 from sim_bridge.task_mechanics.goal_task import GoalTask
@@ -22,7 +22,6 @@ from sim_bridge.world import SimWorld
 
 SIDES = (0.05, 0.15)  # [m]
 HEIGHTS = (0.01, 0.06)  # [m]
-BOX_MASS = 0.1  # [kg]
 
 
 class AlignBoxCorner(GoalTask):

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cliport_core import PlanarPose, Pose
+from sim_bridge.errors import LayoutError
 from sim_bridge.objects import SceneObject
 from sim_bridge.objects.kit import HOLES_IN_KIT, KIT_SIZE, hole_poses, hole_shape, kit_slab
 from sim_bridge.objects.kit_shapes import KIT_SHAPES, SEEN_SHAPES, THICKNESS, UNSEEN_SHAPES, kit_shape
@@ -74,12 +75,22 @@ class KitTask(GoalTask):
 
 
 def _kit_pose(world: SimWorld, rng: np.random.Generator) -> PlanarPose:
-    """Draw a pose on the empty table at which the turned slab fits; for the disc around it there would be few."""
+    """Draw a pose on the empty table at which the turned slab fits; for the disc around it there would be few.
+
+    Raises:
+        LayoutError: when it fits nowhere with the yaw that was drawn.
+    """
     spec = world.config.workspace
     yaw = float(rng.uniform(-math.pi, math.pi))
     c, s = abs(math.cos(yaw)), abs(math.sin(yaw))
     half_x = (c * KIT_SIZE[0] + s * KIT_SIZE[1]) / 2 + BORDER
     half_y = (s * KIT_SIZE[0] + c * KIT_SIZE[1]) / 2 + BORDER
+    width, depth = spec.x_max - spec.x_min, spec.y_max - spec.y_min
+    if width < 2 * half_x or depth < 2 * half_y:
+        raise LayoutError(
+            f"no place for a kit of {1000 * KIT_SIZE[0]:.0f} mm x {1000 * KIT_SIZE[1]:.0f} mm on {width:.2f} m x "
+            f"{depth:.2f} m; use a larger workspace"
+        )
     x = rng.uniform(spec.x_min + half_x, spec.x_max - half_x)
     y = rng.uniform(spec.y_min + half_y, spec.y_max - half_y)
     return PlanarPose(float(x), float(y), yaw)

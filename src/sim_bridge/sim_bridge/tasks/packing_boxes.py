@@ -13,7 +13,7 @@ import numpy.typing as npt
 from cliport_core import Pose
 from sim_bridge.colors import COLORS
 from sim_bridge.objects import SceneObject, container_shape, cuboid
-from sim_bridge.objects.block import WIDEST_PINCH
+from sim_bridge.objects.block import BOX_MASS, WIDEST_PINCH
 from sim_bridge.objects.container import CONTAINER_HEIGHT, WALL
 from sim_bridge.robot import HAND
 from sim_bridge.task_mechanics.goal import Goal, ZoneMetric, lattice
@@ -23,7 +23,6 @@ from sim_bridge.tasks.box_partition import Cell, random_packing
 from sim_bridge.world import SimWorld
 
 BOX_HEIGHT = 0.05  # [m]
-BOX_MASS = 0.1  # [kg]
 
 _SIDES = (0.05, 0.30)  # of the container [m]
 _SHORTEST = 0.05  # side of a cell after a cut, with half a gap [m]

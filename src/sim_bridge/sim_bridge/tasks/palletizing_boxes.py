@@ -15,6 +15,7 @@ import numpy as np
 from cliport_core import PlanarPose, Pose
 from sim_bridge.colors import random_brown
 from sim_bridge.objects import SceneObject, Shape, cuboid
+from sim_bridge.objects.block import BOX_MASS
 from sim_bridge.objects.pallet import PALLET_SIZE, pallet_shape
 from sim_bridge.robot import HAND
 from sim_bridge.task_mechanics.goal import Goal, PoseMetric, ZoneMetric, lattice
@@ -23,7 +24,6 @@ from sim_bridge.task_mechanics.task import Split
 from sim_bridge.world import SimWorld
 
 BOX_SIZE = (0.09, 0.0567, 0.0567)  # [m]
-BOX_MASS = 0.1  # [kg]
 LAYERS = 3
 GAP = 0.01  # between the ends of boxes [m]
 FINGER_GAP = HAND.finger_thickness + 0.0098  # between the sides by which boxes are held, with a margin [m]
@@ -72,6 +72,7 @@ class PalletizingBoxes(GoalTask):
             super().advance()
             return
         self.keep_score()
+        self.note_what_moved()
         if not any(self.world.object_xy(box)[1] < 0.0 for box in self._boxes):
             self._bring_box(self.world)
             self._goals = (self._goal(),)
