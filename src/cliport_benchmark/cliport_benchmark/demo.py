@@ -13,7 +13,7 @@ from PIL import Image
 
 from cliport_benchmark.errors import BenchmarkError
 from cliport_benchmark.graph_client import OVERLAYS, GraphClient
-from cliport_benchmark.graph_episode import Played, play_episode
+from cliport_benchmark.graph_episode import Played, Progress, play_episode
 from cliport_benchmark.graph_process import GraphProcess
 from cliport_core.command_line import CommandParser
 from cliport_core.errors import InstructionError
@@ -63,21 +63,20 @@ def main(argv: list[str] | None = None) -> int:
         out.mkdir(parents=True, exist_ok=True)
         for picture in (*out.glob("*.png"), *out.glob("*.gif")):
             picture.unlink()  # of an earlier run
-        score, ended = _run(args, out)
+        progress, ended = _run(args, out)
     except (BenchmarkError, OSError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 1
     except KeyboardInterrupt:
         print("error: interrupted", file=sys.stderr)
         return 130
-    success = score >= 1.0
     if not ended.ended_well:
         print(f"demo: the policy ended with: {ended.message}")
     print(
-        f"demo: {'success' if success else 'failure'} task={args.task} seed={args.seed} "
-        f"score={score:.2f} steps={ended.steps} wall_s={time.monotonic() - start:.1f}"
+        f"demo: {'success' if progress.done else 'failure'} task={args.task} seed={args.seed} "
+        f"score={progress.score:.2f} steps={ended.steps} wall_s={time.monotonic() - start:.1f}"
     )
-    return 0 if success else 1
+    return 0 if progress.done else 1
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -90,7 +89,7 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _run(args: argparse.Namespace, out: Path) -> tuple[float, Played]:
+def _run(args: argparse.Namespace, out: Path) -> tuple[Progress, Played]:
     _say(f"starting the graph (its output: {out}/graph.log)")
     arguments = {"task": args.task, "split": "test", "seed": str(args.seed), "checkpoint": args.checkpoint}
     film = Film()
@@ -111,8 +110,7 @@ def _run(args: argparse.Namespace, out: Path) -> tuple[float, Played]:
                 ended = Played(0.0, asked.steps, asked.message, (instruction,), asked.succeeded)
             else:
                 ended = play_episode(client, instruction, client.max_steps, EPISODE_TIMEOUT)
-            time.sleep(1.0)  # the last block comes to rest
-            score = client.score()
+            progress = client.judged()
         except BenchmarkError as error:
             errors = [line for line in graph.log_text().splitlines() if "error:" in line]
             raise BenchmarkError(f"{error}{' | ' + errors[-1] if errors else ''} (see {graph.log_path})") from error
@@ -122,7 +120,7 @@ def _run(args: argparse.Namespace, out: Path) -> tuple[float, Played]:
                 Image.fromarray(picture).save(out / f"step{step}_{topic.rpartition('/')[2]}.png")
     film.save(out / "demo.gif")
     _say(f"pictures in {out}/: before.png, after.png, step*_pick.png, step*_place.png, demo.gif")
-    return score, ended
+    return progress, ended
 
 
 def _set_scene(client: GraphClient, args: argparse.Namespace) -> str:

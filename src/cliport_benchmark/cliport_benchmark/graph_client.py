@@ -15,16 +15,19 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy, qos_profi
 from sensor_msgs.msg import Image, JointState
 from std_msgs.msg import String
 
-from cliport_benchmark.errors import BenchmarkError
+from cliport_benchmark.errors import BenchmarkError, SceneError
 from cliport_benchmark.graph_episode import ENDED, Progress
 from cliport_core import topics
 from cliport_core.ros_running import SpinThread
 from cliport_interfaces.msg import PolicyStatus
 from cliport_interfaces.srv import GetScore, ResetTask
+from sim_bridge.world import SimConfig
 
 LATCHED = QoSProfile(depth=20, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 OVERLAYS = tuple(topics.AFFORDANCES.values())
 MOTION_THRESHOLD = 0.01  # rad/s
+_RESET_TIMEOUT = 40.0  # [s]; longer than the simulator's own, whose answer says more
+_JUDGED_AFTER = SimConfig().max_settle_s + 0.5  # the simulator has judged an action by then [s of simulated time]
 
 
 class Ended(NamedTuple):
@@ -85,21 +88,29 @@ class GraphClient:
                 raise BenchmarkError(f"the graph was not ready after {timeout:.0f} s: no {', no '.join(missing)}")
             time.sleep(0.1)
 
-    def reset(self, task: str, split: str, seed: int, instruction: str = "", timeout: float = 30.0) -> str:
-        """Make a scene and return the task's sentence for it. Raises BenchmarkError with the simulator's own words."""
+    def reset(self, task: str, split: str, seed: int, instruction: str = "", timeout: float = _RESET_TIMEOUT) -> str:
+        """Make a scene and return the task's sentence for it. Raises SceneError with the simulator's own words."""
         request = ResetTask.Request(task=task, split=split, seed=seed, instruction=instruction)
         response = self._call(self._reset, request, timeout)
         if not response.success:
-            raise BenchmarkError(response.message)
+            raise SceneError(response.message)
         self.max_steps = int(response.max_steps)
         return str(response.instruction)
 
     def score(self, timeout: float = 10.0) -> float:
-        """Return the simulator's own metric for the scene as it is now, 0 to 1."""
-        return self.progress(timeout).score
+        """Return the simulator's own metric of the last action, 0 to 1; see `judged`."""
+        return self.judged(timeout=timeout).score
+
+    def judged(self, real_time_factor: float = 1.0, timeout: float = 10.0) -> Progress:
+        """Wait as long as the simulator lets things come to rest, then return what the last action left.
+
+        real_time_factor: the simulator's.
+        """
+        time.sleep(_JUDGED_AFTER / real_time_factor)
+        return self.progress(timeout)
 
     def progress(self, timeout: float = 10.0) -> Progress:
-        """Return score, whether the task is reached, and the present sentence."""
+        """Return score, whether the task is reached, and the present sentence, as judged up to now."""
         response = self._call(self._score, GetScore.Request(), timeout)
         if not response.success:
             raise BenchmarkError(response.message)

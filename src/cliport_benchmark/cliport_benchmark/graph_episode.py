@@ -70,6 +70,7 @@ def play_episode(
             steps, message = before + int(status.step), status.message
         resting = status is not None and status.state != PolicyStatus.STATE_EXECUTING
         if progress.done and resting:  # while the arm moves, what it carries may only pass by
+            graph.instruct("")  # a policy that does not see that it is done would go on
             return Played(progress.score, steps, message, tuple(sentences), True)
         over = status is not None and status.state in ENDED
         if progress.instruction != said:

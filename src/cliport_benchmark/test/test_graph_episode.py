@@ -47,7 +47,7 @@ def test_each_sentence_is_said_when_the_one_before_is_reached() -> None:
         (LOOKING, "looking", 1, "b", 1.0),
     ])  # fmt: skip
     played = graph.play()
-    assert graph.said == ["a", "b"] and played.sentences == ("a", "b")
+    assert graph.said == ["a", "b", ""] and played.sentences == ("a", "b")
     assert played.steps == 2 and played.ended_well and played.score == 1.0
 
 
@@ -55,7 +55,7 @@ def test_the_servers_own_limit_does_not_end_a_task_that_allows_more() -> None:
     limit = (FAILED, "step limit of 8 reached", 8, "a", 0.2)
     graph = Graph([limit, limit, (LOOKING, "looking", 4, "a", 1.0)])
     played = graph.play(max_steps=20)
-    assert graph.said == ["a", "a", "a"] and played.steps == 20 and played.score == 1.0
+    assert graph.said == ["a", "a", "a", ""] and played.steps == 20 and played.score == 1.0
 
 
 def test_the_tasks_limit_and_a_policy_that_gives_up_end_it() -> None:
