@@ -11,5 +11,9 @@ class OptionError(BenchmarkError):
     """A command line option whose value cannot be used."""
 
 
+class SceneError(BenchmarkError):
+    """A scene that the running simulator refused to make."""
+
+
 class DataFolderError(BenchmarkError):
     """A data folder that cannot be written, read or continued."""

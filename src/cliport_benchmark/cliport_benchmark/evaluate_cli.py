@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import argparse
-import os
 import sys
 import time
 from contextlib import nullcontext
 from pathlib import Path
-from typing import Any
 
 from cliport_benchmark.episode import Episode
-from cliport_benchmark.errors import BenchmarkError, DataFolderError, OptionError
+from cliport_benchmark.errors import BenchmarkError, OptionError
 from cliport_benchmark.evaluate import EvaluateConfig, evaluate
-from cliport_benchmark.journal import Journal, Outcome
-from cliport_benchmark.json_files import differences, read_json, write_json
+from cliport_benchmark.journal import Discarded, Journal, Outcome
+from cliport_benchmark.json_files import check_writable, write_json
 from cliport_benchmark.own_setup import add_setup_options, add_variation_options, setup_of, variation_of
 from cliport_benchmark.provenance import command_line, machine
 from cliport_benchmark.ray_cluster import RayCluster, join_cluster
@@ -56,11 +54,10 @@ def _prepared(options: argparse.Namespace) -> list[tuple[EvaluateConfig, Journal
     for config in [_config(options, name) for name in names]:
         config.setup.check_room(config.task, config.split, config.first_seed)
         out = options.out / f"{config.task}.json" if several else options.out
-        settings = config.settings() | source
-        _check_writable(out)
-        journal = Journal(out, settings)
-        if several and out.exists() and _is_complete(out, config, settings):
-            print(f"{config.task}: {out} is kept")
+        check_writable(out)
+        journal = Journal(out, config.settings() | source)
+        if out.exists() and all(seed in journal.outcomes for seed in config.seeds):
+            print(f"{config.task}: {out} is kept, with its {len(journal.outcomes)} scenes")
         else:
             work.append((config, journal))
     return work
@@ -83,30 +80,6 @@ def _config(options: argparse.Namespace, task: str) -> EvaluateConfig:
         setup_of(options),
         variation_of(options),
     )
-
-
-def _is_complete(out: Path, config: EvaluateConfig, settings: dict[str, Any]) -> bool:
-    """Return True if the results in a folder's file are those that are asked for.
-
-    Raises:
-        DataFolderError: when they are of another evaluation.
-    """
-    found = read_json(out)
-    differing = differences({name: found.get(name) for name in settings}, settings)
-    if differing:
-        raise DataFolderError(f"{out} holds results of other settings ({differing}); choose another --out")
-    return bool(found["n_episodes"] + found["discarded"] == config.episodes)
-
-
-def _check_writable(path: Path) -> None:
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OptionError(f"cannot write --out {path}: {error.strerror or error}") from error
-    if path.is_dir():
-        raise OptionError(f"cannot write --out {path}: it is a folder; name a file")
-    if not os.access(path.parent, os.W_OK) or (path.exists() and not os.access(path, os.W_OK)):
-        raise OptionError(f"cannot write --out {path}: permission denied")
 
 
 def _evaluate(
@@ -141,14 +114,15 @@ class _Progress:
     def report(self, outcome: Outcome) -> None:
         self._done += 1
         self._new += 1
-        if isinstance(outcome, Episode):
+        if isinstance(outcome, Discarded):
+            what = f"discarded, {outcome.reason}"
+        else:
             self._scores.append(outcome.score)
             what = f"score {outcome.score:.2f} in {outcome.steps} steps"
+        if isinstance(outcome, Episode):
             failures = [s for s in outcome.actions if s.outcome != "SUCCEEDED"]
             what += "".join(f", {s.outcome}: {s.message}" for s in failures)
             what += f", {outcome.error}" if outcome.error else ""
-        else:
-            what = f"discarded, {outcome.reason}"
         mean = 100.0 * sum(self._scores) / max(1, len(self._scores))
         eta = (self._total - self._done) * (time.monotonic() - self._start) / self._new
         count = f"[{self._done}/{self._total}]"

@@ -3,22 +3,28 @@
 from __future__ import annotations
 
 import argparse
+import math
 import sys
 import time
+from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 from statistics import mean
 from typing import Any
 
-from cliport_benchmark.errors import BenchmarkError
+from cliport_benchmark.agents import BUILT_IN
+from cliport_benchmark.errors import BenchmarkError, OptionError, SceneError
+from cliport_benchmark.evaluate import EvaluateConfig
 from cliport_benchmark.graph_client import GraphClient
 from cliport_benchmark.graph_episode import play_episode
 from cliport_benchmark.graph_process import GraphProcess
-from cliport_benchmark.json_files import write_json
-from cliport_benchmark.policy_facts import policy_facts
+from cliport_benchmark.journal import Discarded, GraphEpisode, Journal
+from cliport_benchmark.json_files import check_writable, write_json
 from cliport_benchmark.provenance import command_line, machine
 from cliport_core.command_line import CommandParser
 from cliport_core.source_state import source_state
 from cliport_policy.errors import PolicyError
+from sim_bridge.errors import SimBridgeError
 
 READY_TIMEOUT = 120.0
 GOAL_TIMEOUT = 900.0  # of an episode [s]: twenty actions
@@ -29,61 +35,83 @@ def main(arguments: list[str] | None = None) -> int:
     argv = sys.argv[1:] if arguments is None else arguments
     options = _parser().parse_args(argv)
     try:
-        facts = policy_facts(options.checkpoint) | source_state().to_dict()
-        episodes = _run(options)
-    except (BenchmarkError, PolicyError) as error:
+        config, journal = _prepared(options)
+        missing = [seed for seed in config.seeds if seed not in journal.outcomes]
+        if missing:
+            _run(options, journal, missing)
+        result = _result(journal) | {"command": command_line("evaluate_graph", argv), "machine": machine()}
+        write_json(options.out, result)
+        journal.remove()
+    except (BenchmarkError, PolicyError, SimBridgeError, OSError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 1
-    result = {
-        "mean_score": round(100 * mean(e["score"] for e in episodes), 2),
-        "task": options.task,
-        "split": options.split,
-        "checkpoint": options.checkpoint,
-        "graph": True,
-        "first_seed": options.first_seed,
-        "n_episodes": len(episodes),
-        "command": command_line("evaluate_graph", argv),
-        **facts,
-        "machine": machine(),
-        "episodes": episodes,
-    }
-    options.out.parent.mkdir(parents=True, exist_ok=True)
-    write_json(options.out, result)
-    print(f"mean_score {result['mean_score']} through the graph, {len(episodes)} episodes; {options.out}")
+    except KeyboardInterrupt:
+        print("error: interrupted; the same command continues where this one stopped", file=sys.stderr)
+        return 130
+    print(f"mean_score {result['mean_score']} through the graph, {result['n_episodes']} episodes; {options.out}")
     return 0
 
 
-def _run(options: argparse.Namespace) -> list[dict[str, Any]]:
+def _prepared(options: argparse.Namespace) -> tuple[EvaluateConfig, Journal]:
+    """Return what is asked for and the episodes that are there already; better refused now than after an hour."""
+    config = EvaluateConfig(options.checkpoint, options.task, options.split, options.first_seed, options.episodes)
+    if options.checkpoint in BUILT_IN:
+        raise OptionError(f"--checkpoint {options.checkpoint} knows the scene, as only evaluate lets it: name a policy")
+    if not 0.0 < options.real_time_factor < math.inf:
+        raise OptionError(f"--real-time-factor must be positive, got {options.real_time_factor}")
+    settings = config.settings() | {"graph": True, "real_time_factor": options.real_time_factor}
+    check_writable(options.out)
+    return config, Journal(options.out, settings | source_state().to_dict())
+
+
+def _run(options: argparse.Namespace, journal: Journal, seeds: Sequence[int]) -> None:
+    """Run the scenes of the seeds one after another; each is in the journal when the next begins."""
     arguments = {
         "task": options.task,
         "split": options.split,
-        "seed": str(options.first_seed),
+        "seed": str(seeds[0]),
         "checkpoint": options.checkpoint,
         "real_time_factor": str(options.real_time_factor),
     }
     log = options.out.with_suffix(".log")
-    episodes = []
     with GraphProcess("sim.launch.yaml", arguments, log) as graph, GraphClient("evaluate_graph") as client:
         client.wait_ready(READY_TIMEOUT, lambda: graph.healthy)
-        for seed in range(options.first_seed, options.first_seed + options.episodes):
-            sentence = client.reset(options.task, options.split, seed)
-            time.sleep(1.0)
-            start = time.monotonic()
-            played = play_episode(client, sentence, client.max_steps, GOAL_TIMEOUT)
+        for seed in seeds:
+            try:
+                sentence = client.reset(options.task, options.split, seed)
+            except SceneError as error:
+                journal.add(Discarded(seed, str(error)))
+                print(f"seed {seed}: discarded, {error}", flush=True)
+                continue
+            episode = _episode(client, seed, sentence, options.real_time_factor)
             if not graph.healthy:
                 raise BenchmarkError(f"the graph ended in seed {seed} (see {log})")
-            time.sleep(1.0)  # what was let go comes to rest
-            episode = {
-                "seed": seed,
-                "score": client.score(),
-                "steps": played.steps,
-                "instructions": list(played.sentences),
-                "message": played.message,
-                "wall_s": round(time.monotonic() - start, 1),
-            }
-            episodes.append(episode)
-            print(f"seed {seed}: score {episode['score']:.2f} in {played.steps} steps: {played.message}", flush=True)
-    return episodes
+            journal.add(episode)
+            print(f"seed {seed}: score {episode.score:.2f} in {episode.steps} steps: {episode.message}", flush=True)
+
+
+def _episode(client: GraphClient, seed: int, sentence: str, real_time_factor: float) -> GraphEpisode:
+    time.sleep(1.0)  # a camera frame of the new scene
+    start = time.monotonic()
+    played = play_episode(client, sentence, client.max_steps, GOAL_TIMEOUT)
+    score = client.judged(real_time_factor).score
+    wall = round(time.monotonic() - start, 1)
+    return GraphEpisode(seed, score, played.steps, played.sentences, played.message, wall)
+
+
+def _result(journal: Journal) -> dict[str, Any]:
+    """Return the results of all outcomes of a journal; the score 0..100, None where every scene was discarded."""
+    outcomes = [journal.outcomes[seed] for seed in sorted(journal.outcomes)]
+    episodes = [outcome for outcome in outcomes if isinstance(outcome, GraphEpisode)]
+    discarded = [outcome for outcome in outcomes if isinstance(outcome, Discarded)]
+    return {
+        "mean_score": round(100 * mean(e.score for e in episodes), 2) if episodes else None,
+        **journal.settings,
+        "n_episodes": len(episodes),
+        "discarded": len(discarded),
+        "episodes": [asdict(episode) for episode in episodes],
+        "discarded_episodes": [asdict(scene) for scene in discarded],
+    }
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -10,7 +10,7 @@ from typing import Any
 
 from cliport_benchmark.episode import Episode
 from cliport_benchmark.errors import DataFolderError, OptionError
-from cliport_benchmark.json_files import as_json, differences
+from cliport_benchmark.json_files import as_json, differences, read_json
 
 
 @dataclass(frozen=True)
@@ -21,17 +21,36 @@ class Discarded:
     reason: str
 
 
-Outcome = Episode | Discarded
+@dataclass(frozen=True)
+class GraphEpisode:
+    """One scene's outcome through the graph; score 0..1. instructions: what was said, in order. message: the policy's
+    last. wall_s: wall time [s]."""
+
+    seed: int
+    score: float
+    steps: int
+    instructions: tuple[str, ...]
+    message: str
+    wall_s: float
+
+    @classmethod
+    def from_dict(cls, values: dict[str, Any]) -> GraphEpisode:
+        """Return the episode that dataclasses.asdict made a dict of, also after JSON made a list of the tuple."""
+        return cls(**{**values, "instructions": tuple(values["instructions"])})
+
+
+Outcome = Episode | GraphEpisode | Discarded
 
 
 class Journal:
     """The file beside an evaluation's results: the settings, then an outcome a line.
 
     A line is written as a whole; of a run that was killed, at most the episode in progress is lost. The file
-    appears with the first outcome.
+    appears with the first outcome. Results that are there already, of the same settings, are gone on with.
 
     Raises:
         OptionError: when it was begun with other settings, or is no such file.
+        DataFolderError: when the results are of other settings, or no results.
     """
 
     def __init__(self, out: Path, settings: dict[str, Any]) -> None:
@@ -40,12 +59,13 @@ class Journal:
         self.outcomes: dict[int, Outcome] = {}
         if self.path.exists():
             self._read()
+        if out.exists():
+            self.outcomes = self._results() | self.outcomes
 
     def add(self, outcome: Outcome) -> None:
         """Keep one more outcome, on disk when this returns."""
         self.outcomes[outcome.seed] = outcome
-        kind = "episode" if isinstance(outcome, Episode) else "discarded"
-        lines = [json.dumps({kind: asdict(outcome)})]
+        lines = [json.dumps({_kind(outcome): asdict(outcome)})]
         if not self.path.exists():
             lines.insert(0, json.dumps({"settings": self.settings}))
         try:
@@ -80,6 +100,31 @@ class Journal:
         self.outcomes = {outcome.seed: outcome for outcome in outcomes}
         return None
 
+    def _results(self) -> dict[int, Outcome]:
+        """Return the outcomes that the results hold, by seed."""
+        found = read_json(self.out)
+        compared = {*self.settings, "wording", "graph"}  # the last two are said only where they are unusual
+        differing = differences({name: found.get(name) for name in compared}, self.settings)
+        if differing:
+            raise DataFolderError(f"{self.out} holds results of other settings ({differing}); choose another --out")
+        kind = "graph_episode" if found.get("graph") else "episode"
+        try:
+            outcomes = [_outcome({kind: record}) for record in found["episodes"]]
+            outcomes += [_outcome({"discarded": record}) for record in found["discarded_episodes"]]
+        except (KeyError, TypeError) as error:
+            raise DataFolderError(f"{self.out} holds no episodes ({error!r}); choose another --out") from error
+        return {outcome.seed: outcome for outcome in outcomes}
+
+
+def _kind(outcome: Outcome) -> str:
+    if isinstance(outcome, Discarded):
+        return "discarded"
+    return "episode" if isinstance(outcome, Episode) else "graph_episode"
+
 
 def _outcome(record: dict[str, Any]) -> Outcome:
-    return Episode.from_dict(record["episode"]) if "episode" in record else Discarded(**record["discarded"])
+    if "episode" in record:
+        return Episode.from_dict(record["episode"])
+    if "graph_episode" in record:
+        return GraphEpisode.from_dict(record["graph_episode"])
+    return Discarded(**record["discarded"])

@@ -7,7 +7,7 @@ import os
 from pathlib import Path
 from typing import Any
 
-from cliport_benchmark.errors import DataFolderError
+from cliport_benchmark.errors import DataFolderError, OptionError
 
 
 def write_json(path: Path, value: dict[str, Any]) -> None:
@@ -38,6 +38,22 @@ def read_json(path: Path) -> dict[str, Any]:
     if not isinstance(value, dict):
         raise DataFolderError(f"{path} holds no JSON object")
     return value
+
+
+def check_writable(path: Path) -> None:
+    """Make the folder of a file that results will be written to.
+
+    Raises:
+        OptionError: when the file cannot be written there.
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OptionError(f"cannot write --out {path}: {error.strerror or error}") from error
+    if path.is_dir():
+        raise OptionError(f"cannot write --out {path}: it is a folder; name a file")
+    if not os.access(path.parent, os.W_OK) or (path.exists() and not os.access(path, os.W_OK)):
+        raise OptionError(f"cannot write --out {path}: permission denied")
 
 
 def as_json(values: dict[str, Any]) -> dict[str, Any]:
