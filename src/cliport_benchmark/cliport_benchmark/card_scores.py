@@ -10,11 +10,12 @@ from typing import Any
 
 from cliport_benchmark.errors import BenchmarkError, OptionError
 from cliport_benchmark.json_files import read_json
+from cliport_benchmark.own_setup import condition_words
 from cliport_core.command_line import CommandParser
 from cliport_policy.checkpoint import load_card, resolve_checkpoint, weights_sha256, write_json
 from cliport_policy.errors import PolicyError
 
-_KEPT = ("mean_score", "chance", "n_episodes", "discarded", "first_seed", "object_set", "choices", "command")
+_KEPT = ("mean_score", "chance", "n_episodes", "discarded", "first_seed", "object_set", "offset", "choices", "command")
 _PROVENANCE = ("weights_sha256", "commit", "dirty")
 
 
@@ -24,15 +25,17 @@ def write_scores(checkpoint: str, results: Sequence[Path]) -> Path:
     Raises:
         CheckpointError: when there is no such checkpoint or card.
         DataFolderError: when a result cannot be read.
-        OptionError: when one is of other weights, or does not say of which.
+        OptionError: when one is of other weights, or does not say of which; when two are of the same name.
     """
     path = resolve_checkpoint(checkpoint)
     card, present = load_card(path), weights_sha256(path)
-    scores = dict(card.scores)
+    scores: dict[str, dict[str, Any]] = {}
     for result in results:
         name, entry = _entry(read_json(result), result, present)
+        if name in scores:
+            raise OptionError(f"{result} is a second score of '{name}': give one of them")
         scores[name] = entry
-    write_json(path.with_suffix(".json"), replace(card, scores=scores).to_dict())
+    write_json(path.with_suffix(".json"), replace(card, scores={**card.scores, **scores}).to_dict())
     return path.with_suffix(".json")
 
 
@@ -57,7 +60,7 @@ def _entry(result: dict[str, Any], path: Path, present: str) -> tuple[str, dict[
         raise OptionError(f"{path} does not say {', '.join(lacking)}: evaluate again with this version")
     if result["weights_sha256"] != present:
         raise OptionError(f"{path} is of other weights ({result['weights_sha256'][:12]}, not {present[:12]})")
-    name = f"{result['task']} {result['split']}" + (", other wording" if "wording" in result else "")
+    name = f"{result['task']} {result['split']}{condition_words(result)}"
     return name, {key: result[key] for key in (*_KEPT, *_PROVENANCE) if key in result}
 
 

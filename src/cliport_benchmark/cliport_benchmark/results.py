@@ -13,7 +13,7 @@ from typing import Any
 from cliport_benchmark.doubts import doubts_about
 from cliport_benchmark.errors import BenchmarkError, DataFolderError
 from cliport_benchmark.json_files import read_json
-from cliport_benchmark.own_setup import set_up_words
+from cliport_benchmark.own_setup import condition_words, set_up_words
 from cliport_benchmark.paper_scores import (
     ABLATION_TABLE,
     DEMO_COUNTS,
@@ -192,11 +192,8 @@ def _agent(values: dict[str, Any]) -> str:
     words = [str(values["checkpoint"])]
     if values.get("method"):
         words.append(f"({values['method']})")
-    text = " ".join(words) + (", other wording" if "wording" in values else "")
-    text += ", through the graph" if values.get("graph") else ""
-    text += ", exact offset" if values.get("offset") == "exact" else ""
-    text += f", {values['object_set']}" if values.get("object_set") else ""
-    return text + set_up_words(values)
+    text = " ".join(words) + (f", {values['object_set']}" if values.get("object_set") else "")
+    return text + condition_words(values)
 
 
 def _read_folder(folder: Path) -> list[Evaluation]:

@@ -180,6 +180,34 @@ def test_the_card_takes_scores_of_its_own_weights_only(tmp_path: Path, capsys: p
     assert len(load_card(weights).scores) == 1
 
 
+def test_the_card_tells_scores_of_different_conditions_apart(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    weights = tmp_path / "policy.safetensors"
+    weights.write_bytes(b"weights")
+    card = load_card(resolve_checkpoint("default"))
+    weights.with_suffix(".json").write_text(json.dumps(replace(card, scores={}).to_dict()))
+    common = {"dirty": False, "weights_sha256": hashlib.sha256(b"weights").hexdigest()}
+    conditions: dict[str, dict[str, object]] = {
+        "": {"offset": "centred"},
+        ", exact offset": {"offset": "exact"},
+        ", through the graph": {"graph": True, "offset": "centred"},
+        ", randomized: light": {"randomize": {"light": {}}},
+        ", own set-up": {"camera": {"width": 1}},
+    }
+    paths = [tmp_path / f"{number}.json" for number in range(len(conditions))]
+    for path, values in zip(paths, conditions.values(), strict=True):
+        write(path, **common, **values)
+    command = ["--checkpoint", str(weights), *map(str, paths)]
+    assert card_scores.main(command) == 0
+    scores = load_card(weights).scores
+    assert list(scores) == [f"{HANOI} test{words}" for words in conditions]
+    assert scores[f"{HANOI} test, exact offset"]["offset"] == "exact"
+    write(tmp_path / "again.json", **common, mean_score=1.0)
+    assert card_scores.main([*command, str(tmp_path / "again.json")]) == 1
+    assert f"again.json is a second score of '{HANOI} test'" in capsys.readouterr().err
+
+
 def test_other_tasks_have_a_section_of_their_own(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     write(tmp_path / "a.json")
     assert main([str(tmp_path)]) == 0
@@ -212,10 +240,10 @@ def test_what_is_no_evaluation_is_one_line_each(tmp_path: Path, capsys: pytest.C
 def test_scores_of_other_looks_stand_beside_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     write(tmp_path / "plain.json")
     write(tmp_path / "varied.json", randomize={"light": {}})
-    write(tmp_path / "exact.json", offset="exact")
+    write(tmp_path / "exact.json", task=BOWLS, offset="exact")
     assert main([str(tmp_path)]) == 0
     found = sections(capsys.readouterr().out)
     (other,) = [rows for title, rows in found.items() if title.startswith("Other tasks")]
     assert "randomized: light" in other[HANOI][1] and len(other) == 1
     (beside,) = [rows for title, rows in found.items() if "paper: table 1" in title]
-    assert "randomized" not in str(beside[HANOI])
+    assert "randomized" not in str(beside[HANOI]) and beside[BOWLS][1] == "expert, exact offset"
