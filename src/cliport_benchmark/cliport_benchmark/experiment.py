@@ -6,7 +6,6 @@ See docs/paper.md, "Evaluation".
 from __future__ import annotations
 
 import subprocess
-import sys
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -17,6 +16,7 @@ from cliport_benchmark.json_files import differences, read_json, write_json
 from cliport_benchmark.own_setup import OwnSetup
 from cliport_benchmark.policy_facts import check_needs_no_goal_image, method_facts
 from cliport_benchmark.variation import Variation
+from cliport_benchmark.with_parent import command_with_parent
 from cliport_policy.checkpoint import load_card
 from cliport_policy.data.dataset_format import META_NAME
 from cliport_policy.named_configs import load_network_config
@@ -125,40 +125,11 @@ def run_experiment(
     """
     train_experiment(experiment, out, data, say)
     folder = out / experiment.folder
-    steps = sorted(experiment.keep_steps)
-    scoring_options = [*experiment.score_options, *evaluate_options]
-    val = [
-        _score(
-            _Scoring(experiment.task, "val", experiment.val_episodes, _checkpoint(folder, step)),
-            folder / "val" / f"step-{step:07d}.json",
-            scoring_options,
-            say,
-        )
-        for step in steps
-    ]
-    chosen = choose(steps, [_mean(result) for result in val])
-    checkpoint = _checkpoint(folder, chosen)
-    tests = {
-        task: _score(
-            _Scoring(task, "test", experiment.test_episodes, checkpoint),
-            folder / "test" / f"{task}.json",
-            scoring_options,
-            say,
-        )
-        for task in (experiment.task, *experiment.also_test)
-    }
-    facts = method_facts(load_card(checkpoint))
-    result = {
-        **facts,
-        **asdict(experiment),
-        "method": "+".join([facts["method"], *experiment.settings]),
-        "val": {str(step): _mean(value) for step, value in zip(steps, val, strict=True)},
-        "chosen_step": chosen,
-        "checkpoint": str(checkpoint),
-        **{name: tests[experiment.task].get(name) for name in ("weights_sha256", "commit", "dirty")},
-        "test": {task: {name: value.get(name) for name in _SCORES} for task, value in tests.items()},
-    }
-    write_json(folder / RESULT_NAME, result)
+    options = [*experiment.score_options, *evaluate_options]
+    val = _validate(experiment, folder, options, say)
+    chosen = choose(list(val), list(val.values()))
+    tests = _test(experiment, folder, _checkpoint(folder, chosen), options, say)
+    write_json(folder / RESULT_NAME, _result(experiment, val, chosen, _checkpoint(folder, chosen), tests))
     return folder / RESULT_NAME
 
 
@@ -202,6 +173,45 @@ def make_data(
         say,
     )
     return folder
+
+
+def _validate(
+    experiment: Experiment, folder: Path, options: Sequence[str], say: Callable[[str], None]
+) -> dict[int, float]:
+    """Return the mean score on val of each kept step's checkpoint, 0..100."""
+    scores = {}
+    for step in sorted(experiment.keep_steps):
+        scoring = _Scoring(experiment.task, "val", experiment.val_episodes, _checkpoint(folder, step))
+        scores[step] = _mean(_score(scoring, folder / "val" / f"step-{step:07d}.json", options, say))
+    return scores
+
+
+def _test(
+    experiment: Experiment, folder: Path, checkpoint: Path, options: Sequence[str], say: Callable[[str], None]
+) -> dict[str, dict[str, Any]]:
+    """Return the results on test of each task that the chosen checkpoint is scored on."""
+    results = {}
+    for task in (experiment.task, *experiment.also_test):
+        scoring = _Scoring(task, "test", experiment.test_episodes, checkpoint)
+        results[task] = _score(scoring, folder / "test" / f"{task}.json", options, say)
+    return results
+
+
+def _result(
+    experiment: Experiment, val: dict[int, float], chosen: int, checkpoint: Path, tests: dict[str, dict[str, Any]]
+) -> dict[str, Any]:
+    """Return what RESULT_NAME holds."""
+    facts = method_facts(load_card(checkpoint))
+    return {
+        **facts,
+        **asdict(experiment),
+        "method": "+".join([facts["method"], *experiment.settings]),
+        "val": {str(step): score for step, score in val.items()},
+        "chosen_step": chosen,
+        "checkpoint": str(checkpoint),
+        **{name: tests[experiment.task].get(name) for name in ("weights_sha256", "commit", "dirty")},
+        "test": {task: {name: value.get(name) for name in _SCORES} for task, value in tests.items()},
+    }
 
 
 def _train(experiment: Experiment, folder: Path, data: Path, say: Callable[[str], None]) -> None:
@@ -252,10 +262,10 @@ def _checkpoint(folder: Path, step: int) -> Path:
 
 
 def _run(module: str, options: list[str], out: Path, say: Callable[[str], None]) -> None:
-    """Run a command of the workspace in a process of its own, its output passed through."""
-    command = [sys.executable, "-m", module, *options, "--out", str(out)]
-    say(" ".join([module.split(".")[-1].removesuffix("_cli"), *command[3:]]))
-    process = subprocess.Popen(command)
+    """Run a command of the workspace in a process of its own that ends with this one, its output passed through."""
+    arguments = [*options, "--out", str(out)]
+    say(" ".join([module.split(".")[-1].removesuffix("_cli"), *arguments]))
+    process = subprocess.Popen(command_with_parent(module, arguments))
     try:
         status = process.wait()
     except BaseException:

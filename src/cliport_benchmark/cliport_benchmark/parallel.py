@@ -1,4 +1,7 @@
-"""Work spread over processes of one machine, or over a Ray cluster, ended without leftovers whatever ends it."""
+"""Work spread over processes of one machine, or over a Ray cluster, ended without leftovers whatever ends it.
+
+Processes that the work starts itself are its own to end: `with_parent` starts such that do.
+"""
 
 from __future__ import annotations
 

@@ -35,6 +35,44 @@ def start(folder: Path, seconds: float) -> subprocess.Popen[str]:
     return subprocess.Popen([sys.executable, str(path), str(seconds)], stdout=subprocess.PIPE, text=True)
 
 
+COMMANDS = """
+import subprocess, sys
+from cliport_benchmark.parallel import run_parallel
+from cliport_benchmark.with_parent import command_with_parent
+
+def nothing():
+    pass
+
+def work(item):
+    subprocess.run(command_with_parent("sleeper", ["a word"]))
+
+if __name__ == "__main__":
+    list(run_parallel(work, [1, 2], 2, nothing))
+"""
+SLEEPER = """
+import os, sys, time
+assert sys.argv[1:] == ["a word"] and __name__ == "__main__"
+print(os.getpid(), flush=True)
+time.sleep(60)
+"""
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+def test_commands_that_the_work_starts_end_with_it(tmp_path: Path, number: signal.Signals) -> None:
+    (tmp_path / "commands.py").write_text(COMMANDS)
+    (tmp_path / "sleeper.py").write_text(SLEEPER)
+    environment = {**os.environ, "PYTHONPATH": f"{tmp_path}:{os.environ.get('PYTHONPATH', '')}"}
+    command = [sys.executable, str(tmp_path / "commands.py")]
+    process = subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, env=environment, start_new_session=True
+    )
+    assert process.stdout is not None
+    started = [int(process.stdout.readline()) for _ in range(2)]
+    process.send_signal(number)
+    process.wait(timeout=30)
+    assert_ends(*started)
+
+
 def test_everything_is_done(tmp_path: Path) -> None:
     process = start(tmp_path, 0.1)
     out, _ = process.communicate(timeout=30)
@@ -64,12 +102,19 @@ def test_a_killed_parent_leaves_no_process(tmp_path: Path) -> None:
     child = int(process.stdout.readline().split()[1])
     process.send_signal(signal.SIGKILL)
     process.wait()
+    assert_ends(child)
+
+
+def assert_ends(*pids: int) -> None:
+    """Wait for processes to end; those that do not are killed, and named."""
     for _ in range(100):
-        if not alive(child):
+        left = [pid for pid in pids if alive(pid)]
+        if not left:
             return
         time.sleep(0.1)
-    os.kill(child, signal.SIGKILL)
-    raise AssertionError(f"process {child} was left behind")
+    for pid in left:
+        os.kill(pid, signal.SIGKILL)
+    raise AssertionError(f"processes {left} were left behind")
 
 
 def alive(pid: int) -> bool:
