@@ -16,12 +16,12 @@ from panda_executor.phase import Phase
 from panda_executor.runner import PickPlaceRunner
 from panda_executor.transfer import TransferPlanner
 from sim_bridge.rendering.camera import RgbdFrame
-from sim_bridge.robot import HAND, ROBOT
+from sim_bridge.robot import HAND, HOME_TOLERANCE, ROBOT
 from sim_bridge.sleeping import come_to_rest, sleep_where_still
 from sim_bridge.world import SimWorld
 
-_NO_LIMIT = 600.0  # [s]
-_HOME_TOLERANCE = 0.02  # [rad]
+_NO_TIME_LIMIT = 600.0  # [s]
+_ANY_HEIGHT = 600.0  # of the table [m]
 _OPEN_FORCE = 20.0  # [N]
 _REST = 0.1  # after an action, before the world is judged to be still [s]
 
@@ -72,7 +72,7 @@ class ArmHand:
             _never,
         )
         away = np.abs(self._world.panda.state().positions - ROBOT.ready).max()
-        if away > _HOME_TOLERANCE:  # the request ended early: let go and clear the camera's view
+        if away > HOME_TOLERANCE:  # the request ended early: let go and clear the camera's view
             self._gripper.move(HAND.opening, _OPEN_FORCE, _never)
             self._runner.go_ready()
         self._motion.rest(_REST)
@@ -94,9 +94,9 @@ def _executor_config() -> ExecutorConfig:
     A camera that stands a little elsewhere than calibrated is part of some scenes: the table's height is not judged.
     """
     config = ExecutorConfig.for_arm(ROBOT)
-    search = replace(config.search, time_limit=_NO_LIMIT)
-    table = replace(config.table, tolerance=_NO_LIMIT)
-    return replace(config, search=search, planning_time=_NO_LIMIT, table=table, after_failure=AfterFailure.STAY)
+    search = replace(config.search, time_limit=_NO_TIME_LIMIT)
+    table = replace(config.table, tolerance=_ANY_HEIGHT)
+    return replace(config, search=search, planning_time=_NO_TIME_LIMIT, table=table, after_failure=AfterFailure.STAY)
 
 
 def _ignore(phase: Phase, progress: float) -> None:

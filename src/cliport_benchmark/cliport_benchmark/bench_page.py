@@ -33,6 +33,7 @@ from cliport_core.ros_running import SpinThread
 WIDTH = 960  # of the camera's picture and of the page's [pixels]
 _READY_S = 120.0
 _CLOCK_TIMEOUT_S = 10.0  # wait for /clock at most
+_PICTURE_TIMEOUT_S = 30.0  # wait for a new picture at most
 _N_WARM_UP = 5  # pictures that lay ready before they were asked for, and are not counted
 _REST_S, _N_READINGS = 3.0, 30  # time in which memory comes to rest, and readings in it
 
@@ -119,17 +120,27 @@ def _latencies(page: PageProcess, n: int) -> list[float]:
 
 
 def _pictures(page: PageProcess, n: int) -> Iterator[tuple[int, int]]:
-    """Return stamp and arrival of each picture [ns], after the first few; see live.js."""
+    """Return stamp and arrival of each picture [ns], after the first few; see live.js.
+
+    Raises:
+        BenchmarkError: when no new picture comes for `_PICTURE_TIMEOUT_S`, or one is refused or cannot be used.
+    """
     connection = HTTPConnection("127.0.0.1", page.port, timeout=10)
     after, known = "0", ""
     count = -_N_WARM_UP
+    deadline = time.monotonic() + _PICTURE_TIMEOUT_S
     while count < n:
         connection.request("GET", f"/picture/color.jpg?after={after}&width={WIDTH}{known}")
         answer = connection.getresponse()
         began = time.perf_counter()
         file = answer.read()
         if answer.status == 204:
+            if time.monotonic() > deadline:
+                raise BenchmarkError(
+                    f"the page has had no new picture for {_PICTURE_TIMEOUT_S:.0f} s: is the simulator running?"
+                )
             continue
+        deadline = time.monotonic() + _PICTURE_TIMEOUT_S
         if answer.status != 200:
             raise BenchmarkError(f"the page's picture was refused: {answer.status} {file[:80].decode()}")
         took = round(1000 * (time.perf_counter() - began))

@@ -13,11 +13,9 @@ from cliport_benchmark.observer import Observer
 from cliport_core import ActionResult, PickPlaceAction, PlanarPose
 from cliport_policy.errors import PolicyError
 from sim_bridge.errors import PhysicsError
-from sim_bridge.scene import scene_rng
+from sim_bridge.scene import Stream, scene_rng
 from sim_bridge.tasks import JudgedAction, Task
 from sim_bridge.world import SimWorld
-
-_NOISE_STREAM, _CHANCE_STREAM, _AGENT_STREAM = 4, 5, 6  # of scene_rng
 
 
 @dataclass(frozen=True)
@@ -43,7 +41,8 @@ class Step:
 class Episode:
     """One scene's outcome; score 0..1. instruction: the first. chance: what random choices would score on
     average, where that is known. error: why the agent stopped before its steps were spent. redraws: scenes that were
-    drawn in vain before this one. broken: objects flew apart in the last action: the score is what stood before it."""
+    drawn in vain before this one. broken: objects flew apart in the last action: the score is what stood before it.
+    own_wording: where sentences are reworded, one had another form than the task's pattern and was said as it is."""
 
     seed: int
     score: float
@@ -57,6 +56,7 @@ class Episode:
     actions: tuple[Step, ...]
     redraws: int = 0
     broken: bool = False
+    own_wording: bool = False
 
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> Episode:
@@ -82,37 +82,16 @@ def run_episode(
     Raises:
         PhysicsError: when objects flew apart before the first action: the scene is worth nothing.
     """
-    observer.new_scene(scene_rng(task.name, task.split, seed, _NOISE_STREAM))
-    chance = task.chance_score(scene_rng(task.name, task.split, seed, _CHANCE_STREAM))
+    observer.new_scene(scene_rng(task.name, task.split, seed, Stream.SCORED_NOISE))
+    chance = task.chance_score(scene_rng(task.name, task.split, seed, Stream.CHANCE))
     hand.new_scene(task.primitive)
-    agent.new_scene(task, world, scene_rng(task.name, task.split, seed, _AGENT_STREAM))
-    first, start, error, score, broken = sentence(task), world.time, "", 0.0, False
+    agent.new_scene(task, world, scene_rng(task.name, task.split, seed, Stream.AGENT))
+    first, start = sentence(task), world.time
     steps: list[Step] = []
-    for _ in range(task.max_steps):
-        if task.done():
-            break
-        frame = observer.frame(world)
-        said = sentence(task)
-        try:
-            action, done_probability = agent.decide(task, observer.heightmap(frame), said)
-        except PolicyError as refusal:
-            error = str(refusal)
-            break
-        if action is None:
-            error = "the agent sees nothing that can be done"
-            break
-        meant = task.judge(action.pick, action.place, exact_offset)
-        try:
-            result = hand.execute(action, frame)
-        except PhysicsError as burst:
-            error, broken = str(burst), True
-            break
-        task.advance()
-        score = task.score()
-        steps.append(_step(said, action, done_probability, meant, result, score))
+    error, broken = _act(world, hand, observer, agent, task, sentence, exact_offset, steps)
     return Episode(
         seed,
-        score,
+        steps[-1].score if steps else 0.0,
         len(steps),
         task.max_steps,
         task.goals_reached,
@@ -124,6 +103,39 @@ def run_episode(
         task.redraws,
         broken,
     )
+
+
+def _act(
+    world: SimWorld,
+    hand: ArmHand,
+    observer: Observer,
+    agent: Agent,
+    task: Task,
+    sentence: Callable[[Task], str],
+    exact_offset: bool,
+    steps: list[Step],
+) -> tuple[str, bool]:
+    """Add the agent's steps to `steps`; return why it stopped before they were spent, and whether objects flew
+    apart."""
+    for _ in range(task.max_steps):
+        if task.done():
+            break
+        frame = observer.frame(world)
+        said = sentence(task)
+        try:
+            action, done_probability = agent.decide(task, observer.heightmap(frame), said)
+        except PolicyError as refusal:
+            return str(refusal), False
+        if action is None:
+            return "the agent sees nothing that can be done", False
+        meant = task.judge(action.pick, action.place, exact_offset)
+        try:
+            result = hand.execute(action, frame)
+        except PhysicsError as burst:
+            return str(burst), True
+        task.advance()
+        steps.append(_step(said, action, done_probability, meant, result, task.score()))
+    return "", False
 
 
 def _step(

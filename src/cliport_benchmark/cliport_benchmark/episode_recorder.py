@@ -14,8 +14,6 @@ from sim_bridge.rendering.camera import RgbdFrame
 from sim_bridge.tasks import Task
 from sim_bridge.world import SimWorld
 
-KEPT_ABOVE = 0.99  # as the original keeps them (docs/benchmark.md, "Demonstrations")
-
 
 class Hand(Protocol):
     """Carries out actions, with the arm or without."""
@@ -37,7 +35,8 @@ def record_episode(
     """Record the rows of an episode; where the task was done the last one shows that, under the sentence said last.
 
     rng draws which further goals of each scene are asked for, at most `goals_per_scene` in all.
-    None when the expert scored no more than KEPT_ABOVE, or would have to act outside the workspace.
+    None when the expert did not get the task done, as the original leaves those out, or would have to act outside the
+    workspace (docs/benchmark.md, "Demonstrations").
 
     Raises:
         PhysicsError: when objects flew apart.
@@ -45,17 +44,20 @@ def record_episode(
     rows: list[Row] = []
     said = ""
     for step in range(task.max_steps + 1):
-        action = None if task.done() else task.expert_action()
-        if not task.done() and (action is None or step == task.max_steps):
-            break  # what is left cannot be shown
-        if action is not None:
-            said = task.instruction
-        frame = observer.frame(world)
+        done = task.done()
+        if not done and step == task.max_steps:
+            break
+        said = said if done else task.instruction
         try:
-            own = _demo(said, action, task.primitive, observer.workspace)
+            # before the own action: the expert takes the last that it was asked for to be the one carried out
             others = _other_demos(task, said, rng, goals_per_scene - 1, observer.workspace)
+            action = None if done else task.expert_action()
+            if action is None and not done:
+                break  # what is left cannot be shown
+            own = _demo(said, action, task.primitive, observer.workspace)
         except PixelOutsideError:
             return None
+        frame = observer.frame(world)
         demos = (own, *others, *_reached_before(task, said))
         things = tuple(seen_things(world, observer.workspace))
         rows.append(Row(task.name, task.split.value, seed, episode, step, observer.heightmap(frame), demos, things))
@@ -63,7 +65,7 @@ def record_episode(
             break
         hand.execute(action, frame)
         task.advance()
-    return rows if said and task.score() > KEPT_ABOVE else None
+    return rows if said and task.done() else None
 
 
 def _other_demos(task: Task, said: str, rng: np.random.Generator, at_most: int, workspace: WorkspaceSpec) -> list[Demo]:

@@ -101,6 +101,7 @@ class Evaluator:
         _check_workspace(self.agent, config)
         self.world = SimWorld(config.setup.sim_config())
         self.observer = Observer(self.world.config, n_threads=1, variation=config.variation, camera=config.setup.camera)
+        self._said_as_it_was = False  # a sentence of this episode that was to be reworded and could not be
         self.hand = ArmHand(self.world, self.observer, exact_offset=config.exact_offset)
 
     def run(self, seed: int) -> Outcome:
@@ -110,13 +111,18 @@ class Evaluator:
             self.config.variation.add_to(self.world, task, seed)
             say = partial(self._sentence, index=seed - self.config.first_seed)
             exact = self.config.exact_offset
-            return run_episode(self.world, self.hand, self.observer, self.agent, task, seed, say, exact)
+            self._said_as_it_was = False
+            episode = run_episode(self.world, self.hand, self.observer, self.agent, task, seed, say, exact)
+            return dataclasses.replace(episode, own_wording=self._said_as_it_was)
         except (LayoutError, PhysicsError) as error:
             return Discarded(seed, str(error))
 
     def _sentence(self, task: Task, index: int) -> str:
-        if self.config.is_reworded and task.sentence_slots:
+        if not self.config.is_reworded:
+            return task.instruction
+        if task.sentence_slots:
             return self.config.wording.sentence(task.sentence_pattern, task.sentence_slots, index)
+        self._said_as_it_was = True
         return task.instruction
 
 

@@ -27,7 +27,7 @@ _UNSEEN = "unseen-colors"
 
 @dataclass(frozen=True)
 class TestScore:
-    """One line of the table; scores 0..100.
+    """One line of the table; scores 0..100, None where every episode was discarded.
 
     row: the paper's network that it stands beside. comparable: False where the paper has no such score: everyday
     objects of this project's own, or "unseen" colours of a policy that met their words in training.
@@ -38,7 +38,7 @@ class TestScore:
     n_demos: int
     step: int
     val: float
-    score: float
+    score: float | None
     chance: float | None
     episodes: int
     own_task: str
@@ -89,7 +89,7 @@ def table(scores: Sequence[TestScore]) -> str:
     ]
     for s in scores:
         compared = (s.paper_test, s.paper_val) != (None, None)
-        cells = [s.task, s.method, str(s.n_demos), f"{s.score:.1f}", _number(s.paper_test), _number(s.chance)]
+        cells = [s.task, s.method, str(s.n_demos), _number(s.score), _number(s.paper_test), _number(s.chance)]
         cells += [str(s.episodes), f"{s.val:.1f}", _number(s.paper_val), str(s.step), s.row.name if compared else ""]
         lines.append("| " + " | ".join(cells) + " |")
     lines += [
@@ -145,7 +145,7 @@ def _plot(scores: Sequence[TestScore], path: Path) -> None:
     figure = Figure(figsize=(5.0 * len(tasks), 5.5), layout="constrained")
     for panel, task in zip(figure.subplots(1, len(tasks), squeeze=False)[0], tasks, strict=True):
         for method in dict.fromkeys(s.method for s in scores if s.task == task):
-            line = [s for s in scores if (s.task, s.method) == (task, method)]
+            line = [s for s in scores if (s.task, s.method) == (task, method) and s.score is not None]
             panel.plot([s.n_demos for s in line], [s.score for s in line], marker="o", label=method)
         paper = [(n, YARDSTICK.score(TEST_TABLE, task, n)) for n in DEMO_COUNTS]
         known = [(n, score) for n, score in paper if score is not None]

@@ -31,11 +31,9 @@ from cliport_policy.data.dataset_format import (
 )
 from sim_bridge.errors import LayoutError, PhysicsError
 from sim_bridge.rendering.sensor_noise import NoiseConfig
-from sim_bridge.scene import reset_scene, scene_rng
+from sim_bridge.scene import Stream, reset_scene, scene_rng
 from sim_bridge.tasks import make_task
 from sim_bridge.world import SimWorld
-
-_NOISE, _HAND, _GOAL = 1, 2, 3  # streams of scene_rng
 
 
 class Mode(Enum):
@@ -176,7 +174,8 @@ def _make_episode(
     try:
         task = reset_scene(world, config.task, config.split, seed)
         config.variation.add_to(world, task, seed)
-        noise, hands, goals = (scene_rng(task.name, task.split, seed, s) for s in (_NOISE, _HAND, _GOAL))
+        streams = (Stream.NOISE, Stream.HAND, Stream.GOALS)
+        noise, hands, goals = (scene_rng(task.name, task.split, seed, s) for s in streams)
         observer.new_scene(noise)
         if arm is not None:
             arm.new_scene(task.primitive)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import json
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -11,7 +12,6 @@ from pathlib import Path
 
 from cliport_benchmark.arm_hand import ArmHand
 from cliport_benchmark.camera_messages import BASE_FRAME, observation_messages
-from cliport_benchmark.episode_recorder import KEPT_ABOVE
 from cliport_benchmark.errors import OptionError
 from cliport_benchmark.observer import Observer
 from cliport_benchmark.own_setup import OwnSetup
@@ -24,11 +24,9 @@ from cliport_episodes.raw import RawMessage
 from cliport_episodes.writer import EpisodeWriter
 from sim_bridge.errors import LayoutError, PhysicsError
 from sim_bridge.rendering.camera import OPTICAL_FRAME, RgbdFrame
-from sim_bridge.scene import reset_scene, scene_rng
+from sim_bridge.scene import Stream, reset_scene, scene_rng
 from sim_bridge.tasks import Task, make_task
 from sim_bridge.world import SimWorld
-
-_NOISE_STREAM = 1  # of scene_rng, as generate draws it
 
 
 @dataclass(frozen=True)
@@ -60,12 +58,19 @@ class RecordConfig:
         return self.sentences[index % len(self.sentences)] if self.sentences else ""
 
     def name(self, index: int) -> str:
-        """Return the name of an episode's bag: task, split and seed, the
-        digest of a given sentence, and what varied."""
+        """Return the name of an episode's bag: task, split and seed, the digest of a given sentence, and what varied,
+        with a digest of how much where that is not the usual."""
         sentence = self.sentence(index)
-        asked = f"-{hashlib.sha256(sentence.encode()).hexdigest()[:8]}" if sentence else ""
-        varied = "".join(f"-{name}" for name in self.variation.settings())
+        asked = f"-{_digest(sentence)}" if sentence else ""
+        settings = self.variation.settings()
+        varied = "".join(f"-{name}" for name in settings)
+        if settings != Variation(self.variation.aspects).settings():
+            varied += f"-{_digest(json.dumps(settings))}"
         return f"{self.task}-{self.split}-{self.first_seed + index:06d}{asked}{varied}"
+
+
+def _digest(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()[:8]
 
 
 class Result(Enum):
@@ -128,7 +133,7 @@ class ExpertRecorder:
             config.variation.add_to(self._world, task, seed)
         except (LayoutError, PhysicsError):
             return Recorded(Result.DISCARDED, "", 0, config.sentence(index))
-        self._observer.new_scene(scene_rng(task.name, task.split, seed, _NOISE_STREAM))
+        self._observer.new_scene(scene_rng(task.name, task.split, seed, Stream.NOISE))
         self._hand.new_scene(task.primitive)
         self._stamps_from = self._now_ns() - round(1e9 * self._world.time)
         writer = EpisodeWriter.create(self._data_set.path, self._setup, config.name(index))
@@ -137,7 +142,7 @@ class ExpertRecorder:
             if not writer.n_steps:
                 writer.discard()
                 return Recorded(Result.DISCARDED, "", 0, said)
-            success = task.score() >= KEPT_ABOVE
+            success = task.done()
             writer.finish(self._messages(self._observer.frame(self._world)), success)
         except PhysicsError:
             writer.discard()

@@ -27,6 +27,7 @@ def summary(settings: dict[str, Any], outcomes: list[Outcome]) -> dict[str, Any]
         "redrawn": sum(e.redraws > 0 for e in episodes),
         "redraws": sum(e.redraws for e in episodes),
         "broken": sum(e.broken for e in episodes),
+        **({"own_wording": sum(e.own_wording for e in episodes)} if "wording" in settings else {}),
         "outcomes": {name: sum(step.outcome == name for step in steps) for name in names},
     }
     if settings["checkpoint"] != EXPERT:
@@ -36,7 +37,7 @@ def summary(settings: dict[str, Any], outcomes: list[Outcome]) -> dict[str, Any]
             "place_right": _percent([s.place_right for s in steps]),
             "both_right": _percent([s.pick_right and s.place_right for s in steps]),
             "first_action_both_right": _percent(first_right),  # a refusal counts as wrong
-            "refused": sum(bool(e.error) for e in episodes),
+            "refused": sum(bool(e.error) and not e.broken for e in episodes),
         }
     result["episodes"] = [dataclasses.asdict(e) for e in episodes]
     result["discarded_episodes"] = [dataclasses.asdict(d) for d in discarded]

@@ -14,11 +14,9 @@ from cliport_core import Pose
 from sim_bridge.clutter import ClutterConfig, add_clutter
 from sim_bridge.rendering.appearance import Appearance, AppearanceRanges, random_light, random_table
 from sim_bridge.rendering.camera import mounting_error
-from sim_bridge.scene import scene_rng
+from sim_bridge.scene import Stream, scene_rng
 from sim_bridge.tasks import Task
 from sim_bridge.world import SimWorld
-
-_CLUTTER_STREAM = 16  # of scene_rng
 
 
 class Aspect(Enum):
@@ -122,4 +120,4 @@ class Variation:
             PhysicsError: when objects flew apart.
         """
         if Aspect.CLUTTER in self.aspects:
-            add_clutter(world, task, scene_rng(task.name, task.split, seed, _CLUTTER_STREAM), self.clutter)
+            add_clutter(world, task, scene_rng(task.name, task.split, seed, Stream.CLUTTER), self.clutter)

@@ -25,8 +25,15 @@ class Wording:
         """Return what to say in the episode of that index; own: the task's pattern, slots: the word of each."""
         sentence = self.patterns[index % len(self.patterns)] if self.patterns else own
         for slot, word in slots.items():
-            sentence = sentence.replace(f"{{{slot}}}", self.synonyms.get(word, word))
+            sentence = sentence.replace(f"{{{slot}}}", self._other_words(word))
         return sentence
+
+    def _other_words(self, text: str) -> str:
+        """Return the words of a slot with each colour said otherwise, also where a slot names several things."""
+        if not self.synonyms:
+            return text
+        colors = "|".join(map(re.escape, self.synonyms))
+        return re.sub(rf"\b(?:{colors})\b", lambda found: self.synonyms[found.group()], text)
 
 
 def load_patterns(path: Path, own: str) -> tuple[str, ...]:

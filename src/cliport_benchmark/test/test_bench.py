@@ -5,10 +5,12 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
-from cliport_benchmark import bench
+from cliport_benchmark import bench, bench_page
 from cliport_benchmark.bench_planning import clutter_queries, search_times
 from cliport_benchmark.errors import BenchmarkError
 from panda_executor.config import SearchAlgorithm
@@ -34,3 +36,24 @@ def test_rows_that_were_measured_are_written(tmp_path: Path, monkeypatch: pytest
 def test_searches_in_clutter_find_ways(algorithm: SearchAlgorithm) -> None:
     times, successes = search_times(algorithm, clutter_queries(1))
     assert len(times) == 1 and successes == 1
+
+
+class NoNews:
+    """A page that never has a new picture."""
+
+    def __init__(self, *_: Any, **__: Any) -> None:
+        self.asked = 0
+
+    def request(self, *_: str) -> None:
+        self.asked += 1
+        assert self.asked < 1000, "it asks for ever"
+
+    def getresponse(self) -> SimpleNamespace:
+        return SimpleNamespace(status=204, read=lambda: b"")
+
+
+def test_a_page_without_new_pictures_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(bench_page, "HTTPConnection", NoNews)
+    monkeypatch.setattr(bench_page, "_PICTURE_TIMEOUT_S", 0.0)
+    with pytest.raises(BenchmarkError, match="no new picture for 0 s: is the simulator running"):
+        list(bench_page._pictures(SimpleNamespace(port=1), 3))  # type: ignore[arg-type]

@@ -1,4 +1,4 @@
-"""Evaluation: the expert in full physics, wording, and what is said about bad input."""
+"""Evaluation: the expert in full physics, what results count, and what is said about bad input."""
 
 import json
 from collections.abc import Iterator
@@ -17,7 +17,7 @@ from cliport_benchmark.evaluate import EvaluateConfig, Evaluator, evaluate
 from cliport_benchmark.journal import Discarded, Journal
 from cliport_benchmark.kinematic_hand import KinematicHand
 from cliport_benchmark.summary import summary
-from cliport_benchmark.wording import Wording, load_patterns, load_synonyms
+from cliport_benchmark.wording import Wording
 from cliport_core import Heightmap, PickPlaceAction, PlanarPose, Primitive
 from cliport_core.outcome import ActionResult, Outcome
 from cliport_core.source_state import source_state
@@ -25,8 +25,7 @@ from cliport_policy.checkpoint import load_card, resolve_checkpoint
 from cliport_policy.named_configs import load_network_config
 from sim_bridge.errors import PhysicsError
 from sim_bridge.scene import reset_scene
-from sim_bridge.tasks import ColorGoal, PutBlocksInBowls, Task
-from sim_bridge.tasks.color_goal import PATTERN
+from sim_bridge.tasks import PutBlocksInBowls, Task
 
 SEEN = "put-blocks-in-bowls-seen-colors"
 
@@ -324,29 +323,25 @@ def test_bad_input_is_one_clear_line(
     assert not list(tmp_path.iterdir())
 
 
-def test_wording_fills_patterns_in_turn_and_swaps_words(tmp_path: Path) -> None:
-    patterns = tmp_path / "patterns.txt"
-    patterns.write_text("# new\n\nevery {block} cube into the {bowl} dish\n{bowl} bowl: {block} blocks\n")
-    synonyms = tmp_path / "synonyms.txt"
-    synonyms.write_text("red = crimson\n")
-    wording = Wording(load_patterns(patterns, PATTERN), load_synonyms(synonyms))
-    slots = {"block": "red", "bowl": "green"}
-    assert wording.sentence(PATTERN, slots, 0) == "every crimson cube into the green dish"
-    assert wording.sentence(PATTERN, slots, 3) == "green bowl: crimson blocks"
-    assert replace(wording, patterns=()).sentence(PATTERN, slots, 0) == "put the crimson blocks in a green bowl"
-    assert Wording().sentence(PATTERN, slots, 5) == ColorGoal("red", "green").sentence
-    patterns.write_text("fine {block} {bowl}\nput {block} away\n")
-    with pytest.raises(OptionError, match=r"line 2: the pattern lacks \{bowl\}"):
-        load_patterns(patterns, PATTERN)
-    synonyms.write_text("mauve = purple\n")
-    with pytest.raises(OptionError, match="line 1: write 'colour = word'"):
-        load_synonyms(synonyms)
+def test_sentences_that_could_not_be_reworded_are_counted(expert: Evaluator, monkeypatch: pytest.MonkeyPatch) -> None:
+    config = replace(expert.config, wording=Wording(synonyms={"blue": "azure"}))
+    with monkeypatch.context() as patch:
+        patch.setattr(expert, "agent", Idle())
+        patch.setattr(expert, "config", config)
+        reworded = expert.run(1)
+        patch.setattr(PutBlocksInBowls, "sentence_slots", {})  # a sentence of another form than the pattern
+        as_it_was = expert.run(1)
+    assert isinstance(reworded, Episode) and isinstance(as_it_was, Episode)
+    assert (reworded.own_wording, as_it_was.own_wording) == (False, True)
+    assert summary(config.settings(), [reworded, as_it_was])["own_wording"] == 1
+    assert "own_wording" not in summary(expert.config.settings(), [reworded])
 
 
 def test_summary_counts_a_refusal_as_wrong(expert: Evaluator) -> None:
     episode = expert.run(1)
     assert isinstance(episode, Episode)
     refused = replace(episode, score=0.0, steps=0, actions=(), error="not understood")
-    result = summary({"checkpoint": "some policy"}, [episode, refused])
-    assert result["mean_score"] == 50.0
-    assert result["choices"]["first_action_both_right"] == 50.0 and result["choices"]["refused"] == 1
+    burst = replace(episode, error="the red block flew off", broken=True)
+    result = summary({"checkpoint": "some policy"}, [episode, refused, burst, burst])
+    assert result["mean_score"] == 75.0 and result["broken"] == 2
+    assert result["choices"]["first_action_both_right"] == 75.0 and result["choices"]["refused"] == 1

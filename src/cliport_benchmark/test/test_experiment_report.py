@@ -54,6 +54,14 @@ def test_scores_stand_beside_the_papers(tmp_path: Path) -> None:
     assert cv2.imread(str(plot_path)).shape[1] > 500
 
 
+def test_a_test_whose_scenes_were_all_discarded_leaves_its_cell_empty(tmp_path: Path) -> None:
+    write(tmp_path, "compact", 100, 50.0)
+    nothing = result("x", 10, 0.0)["test"][TASK] | {"mean_score": None, "n_episodes": 0}
+    write(tmp_path, "compact", 10, 0.0, test={TASK: nothing})
+    rows = rows_of(write_report(tmp_path)[1])
+    assert [(row[2], row[3]) for row in rows] == [("10", ""), ("100", "50.0")]
+
+
 def test_a_row_is_found_by_the_configs_stem_and_not_for_other_encoders(tmp_path: Path) -> None:
     write(tmp_path, "a", 100, 1.0, config="configs/clip_only_rotator.yaml", settings=["width=0.5"])
     write(tmp_path, "b", 100, 2.0, config="rn50_bert_rotator", own_encoders=False)

@@ -7,6 +7,7 @@ import pytest
 
 from cliport_benchmark.record import RecordConfig
 from cliport_benchmark.record_cli import main
+from cliport_benchmark.variation import Variation
 from cliport_core import WorkspaceSpec
 from cliport_episodes.bags import decode, read_messages
 from cliport_episodes.data_set import DataSet
@@ -74,7 +75,12 @@ def test_other_seeds_splits_and_sentences_are_other_episodes() -> None:
     names = {config.name(0), RecordConfig(TASK, "val", 7, 1).name(0)}
     for sentence in (SENTENCE, "put the red blocks in a green bowl"):
         names.add(RecordConfig(TASK, "train", 7, 1, (sentence,)).name(0))
-    assert len(names) == 4 and RecordConfig(TASK, "train", 6, 2).name(1) in names
+    varied = [None, (10.0, 1.0), (20.0, 1.0)]
+    for errors in varied:
+        variation = Variation.parse("mounting", errors)
+        names.add(RecordConfig(TASK, "train", 7, 1, variation=variation).name(0))
+    assert len(names) == 4 + len(varied) and f"{TASK}-train-000007-mounting" in names
+    assert RecordConfig(TASK, "train", 6, 2).name(1) in names
 
 
 def test_what_was_interrupted_is_made_anew_and_nothing_else_is_touched(
