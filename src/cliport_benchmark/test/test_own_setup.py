@@ -125,11 +125,6 @@ def test_scenes_are_made_for_the_workspace_and_seen_by_the_camera(files: list[st
     ("task", "text", "words"),
     [
         (TASK, WORKSPACE.replace("0.62", "0.4"), "has no room in this workspace: no free place for another"),
-        (
-            "assembling-kits",
-            WORKSPACE.replace("0.62", "0.5"),
-            "no place for a kit of 280 mm x 200 mm on 0.20 m x 0.72 m",
-        ),
         ("palletizing-boxes", WORKSPACE.replace("-0.32", "-0.2"), "puts its .* outside the workspace's"),
         (TASK, "workspace: {x_min: far}", "--workspace: workspace values must be numbers"),
         (TASK, WORKSPACE.replace("0.3,", "1.3,").replace("0.62", "1.62"), "sees 0 % of the workspace"),

@@ -7,8 +7,9 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from cliport_core import PlanarPose, Pose
+from cliport_core import PlanarPose, Pose, WorkspaceSpec
 from sim_bridge.colors import COLORS, SEEN_PALETTE, UNSEEN_PALETTE
+from sim_bridge.errors import LayoutError
 from sim_bridge.objects import SceneObject
 from sim_bridge.objects.kit import KIT_SIZE
 from sim_bridge.objects.kit_shapes import KIT_SHAPES, SEEN_SHAPES, THICKNESS, UNSEEN_SHAPES
@@ -17,7 +18,7 @@ from sim_bridge.task_mechanics.goal import Goal
 from sim_bridge.task_mechanics.placing import outline
 from sim_bridge.tasks.assembling_kits_seq import which_of
 from sim_bridge.tasks.kit_task import KitTask
-from sim_bridge.world import SimWorld
+from sim_bridge.world import SimConfig, SimWorld
 
 SEQ = "assembling-kits-seq-seen-colors"
 SEQ_UNSEEN = "assembling-kits-seq-unseen-colors"
@@ -227,3 +228,10 @@ def test_the_same_seed_is_the_same_scene(world: SimWorld, name: str) -> None:
     first = scene()
     reset_scene(world, name, "train", 4)
     assert scene() == first
+
+
+def test_a_workspace_without_room_for_the_kit_is_refused() -> None:
+    world = SimWorld(SimConfig(workspace=WorkspaceSpec(x_min=0.3, x_max=0.5), max_layouts=2))
+    with pytest.raises(LayoutError, match=r"no place for a kit of 280 mm x 200 mm on 0.20 m x 0.80 m"):
+        reset_scene(world, ANY, "test", 0)
+    world.close()
