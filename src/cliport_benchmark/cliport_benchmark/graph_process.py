@@ -8,9 +8,11 @@ import signal
 import subprocess
 import time
 from collections.abc import Mapping
+from contextlib import ExitStack
 from pathlib import Path
 
 from cliport_benchmark.errors import BenchmarkError
+from cliport_benchmark.termination import termination_interrupts
 
 STOP_STAGES = ((signal.SIGINT, 12.0), (signal.SIGTERM, 5.0), (signal.SIGKILL, 5.0))
 
@@ -42,6 +44,7 @@ class GraphProcess:
             **(environment or {}),
         }
         self._process: subprocess.Popen[bytes] | None = None
+        self._termination = ExitStack()
 
     def __enter__(self) -> GraphProcess:
         ros2 = shutil.which("ros2", path=self._environment.get("PATH"))
@@ -57,10 +60,12 @@ class GraphProcess:
                 env=self._environment,
                 start_new_session=True,
             )
+        self._termination.enter_context(termination_interrupts())
         return self
 
     def __exit__(self, *_: object) -> None:
-        self.stop()
+        with self._termination:
+            self.stop()
 
     @property
     def alive(self) -> bool:
