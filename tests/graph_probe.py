@@ -68,7 +68,7 @@ class GraphProbe(GraphClient):
         """Wall time at which the arm was seen to move, after now."""
         return self._wait_speed(lambda speed: speed > 10 * STILL, time.monotonic(), timeout)
 
-    def wait_still(self, since: float, timeout: float = 5.0) -> float:
+    def wait_still(self, since: float, timeout: float = 30.0) -> float:
         """Wall time from which on the arm stood still for 0.3 s, after since."""
         deadline = time.monotonic() + timeout
         while time.monotonic() < deadline:

@@ -45,7 +45,7 @@ OTHERS = {  # primitive: a task of it, and its sentence
 expect.set_options(timeout=20_000)
 SUCCEEDED = 0
 DATA_SET = "by-hand"
-_TRIES = 8  # of a click that the page refuses
+_TRIES = 30  # of a click that the page refuses
 _ATTEMPTS = 8  # of a step that the arm does not carry through
 _REFUSAL = "#answer[data-ok=false]"  # its words may stand elsewhere on the page
 
@@ -102,6 +102,7 @@ class Person(BrowserUser):
             blocks, bowls = find(picture, "red"), find(picture, "green", least=800)
             loose = [block for block in blocks if not any(inside(block, bowl) for bowl in bowls)]
             empty = [bowl for bowl in bowls if not any(inside(block, bowl) for block in blocks)]
+            assert loose, "nothing is left to be picked, but the page did not call the step done"
             self.step(loose[0], empty[0], picture.shape, margins=(4, 0))
             if self.has_succeeded():
                 return
@@ -210,6 +211,7 @@ class Person(BrowserUser):
             self.is_free()
             if act():
                 return
+            time.sleep(0.3)
         raise AssertionError(f"refused {_TRIES} times; the page says: {self.page.locator('#answer').text_content()}")
 
     def _answered(self, granted: str) -> bool:
