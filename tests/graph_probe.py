@@ -74,18 +74,27 @@ class GraphProbe(GraphClient):
         while time.monotonic() < deadline:
             start = self._wait_speed(lambda speed: speed < STILL, since, timeout)
             time.sleep(0.35)
-            if self.fastest(start) < STILL:
+            heard = self._speeds(start)
+            if heard and max(heard) < STILL:  # silence is no standstill
                 return start
             since = start + 0.02
         raise AssertionError(f"the arm still moves after {timeout} s")
 
-    def fastest(self, since: float) -> float:
-        """The fastest joint speed since a wall time, rad/s; fails where not all of that time was listened to."""
+    def fastest(self, since: float, patience: float = 10.0) -> float:
+        """The fastest joint speed since a wall time, rad/s; fails where not all of that time was listened to.
+
+        patience: how long to wait for the first joint state since then [s].
+        """
+        deadline = time.monotonic() + patience
+        while not (heard := self._speeds(since)) and time.monotonic() < deadline:
+            time.sleep(0.01)
         history = list(self._history)
-        heard = [speed for stamp, speed in history if stamp >= since]
         assert heard, "no joint state was heard since then"
         assert len(history) < _KEPT or history[0][0] < since, "what was heard first since then is forgotten"
         return max(heard)
+
+    def _speeds(self, since: float) -> list[float]:
+        return [speed for stamp, speed in list(self._history) if stamp >= since]
 
     def positions(self, names: list[str]) -> NDArray[np.float64]:
         """Return the joints' positions as they were last heard [rad]."""

@@ -21,7 +21,7 @@ def test_the_fastest_is_found(probe: GraphProbe) -> None:
 
 def test_silence_is_no_standstill(probe: GraphProbe) -> None:
     with pytest.raises(AssertionError, match="no joint state was heard"):
-        probe.fastest(3.5)
+        probe.fastest(3.5, patience=0.0)
 
 
 def test_what_is_forgotten_is_no_standstill(probe: GraphProbe) -> None:
