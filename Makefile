@@ -2,7 +2,8 @@
 
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help setup ready ready-for-tests build demo test soak bench mutants lint clean
+.PHONY: help setup build demo test soak bench mutants lint clean
+.PHONY: ready-to-simulate ready-to-measure ready-for-tests ready-to-mutate ready-to-check
 MAKEFLAGS += --no-print-directory
 
 # What a person says may hold quotes and dollars: it goes through the environment, unread by make and the shell.
@@ -13,7 +14,7 @@ demo: export DEMO_INSTRUCTION = $(value INSTRUCTION)
 demo: export DEMO_CHECKPOINT = $(value CHECKPOINT)
 
 help:
-	@echo "make setup   system libraries, .venv, ROS workspace; can be repeated and resumed"
+	@echo "make setup   system libraries, .venv, ROS workspace; can be repeated and resumed  [EXTRAS= TORCH=cpu LOCKED=1]"
 	@echo "make demo    the whole graph does a task in the simulator  [TASK= SEED= INSTRUCTION= CHECKPOINT=]"
 	@echo "make test    all tests"
 	@echo "make soak    tests that load the machine for minutes"
@@ -27,16 +28,25 @@ help:
 setup:
 	@tools/setup
 
-ready:
-	@tools/setup --when-needed
+ready-to-simulate:
+	@tools/setup --when-needed --needs=simulate
+
+ready-to-measure:
+	@tools/setup --when-needed --needs="train simulate"
 
 ready-for-tests:
 	@tools/setup --when-needed --tests
 
+ready-to-mutate:
+	@tools/setup --when-needed --needs="train simulate develop"
+
+ready-to-check:
+	@tools/setup --when-needed --needs=develop
+
 build:
 	@tools/build
 
-demo: ready
+demo: ready-to-simulate
 	@. ./env.sh && exec python -m cliport_benchmark.demo $${DEMO_TASK:+--task "$$DEMO_TASK"} $${DEMO_SEED:+--seed "$$DEMO_SEED"} \
 		$${DEMO_INSTRUCTION:+--instruction "$$DEMO_INSTRUCTION"} $${DEMO_CHECKPOINT:+--checkpoint "$$DEMO_CHECKPOINT"}
 
@@ -46,17 +56,17 @@ test: ready-for-tests
 soak: ready-for-tests
 	@. ./env.sh && exec python -m pytest -m soak $(PYTEST_ARGS)
 
-bench: ready
+bench: ready-to-measure
 	@. ./env.sh && exec python -m cliport_benchmark.bench
 
 mutants: export MUTANTS_PACKAGE = $(value PACKAGE)
 mutants: export MUTANTS_SAMPLE = $(value SAMPLE)
 mutants: export MUTANTS_SEED = $(value SEED)
-mutants: ready
+mutants: ready-to-mutate
 	@. ./env.sh && exec nice -n 10 python tools/mutants.py "$$MUTANTS_PACKAGE" \
 		$${MUTANTS_SAMPLE:+--sample "$$MUTANTS_SAMPLE"} $${MUTANTS_SEED:+--seed "$$MUTANTS_SEED"}
 
-lint: ready
+lint: ready-to-check
 	@. ./env.sh && ruff check && ruff format --check && mypy && tools/check_page
 
 clean:

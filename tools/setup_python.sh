@@ -58,11 +58,17 @@ venv_usable() {
         fail ".venv was made $([ "$ros" = system ] && echo without || echo with) the system's ROS: remove .venv and .setup, then run 'make setup' again"
 }
 
-# Installs from requirement files; big downloads and the installation itself are shown, all else goes to .setup/pip.log.
+# Installs from requirement files, or those of their packages that the lock names; big downloads and the installation
+# itself are shown, all else goes to .setup/pip.log.
 install_python_packages() {
     local file options=()
-    for file in "$@"; do options+=(-r "$file"); done
     mkdir -p "$stamps"
+    if [ "$locked" = 1 ]; then
+        options=(--require-hashes --no-deps -r "$stamps/locked.txt")
+    else
+        for file in "$@"; do options+=(-r "$file"); done
+        [ "$torch" = default ] || options+=(-c "$stamps/torch.txt" ${TORCH_INDEX:+--extra-index-url "$TORCH_INDEX"})
+    fi
     "$venv/bin/python" -m pip install --progress-bar off --retries 8 --timeout 60 "${options[@]}" 2>&1 | tee "$stamps/pip.log" |
         awk '/^ *Downloading .*\(([0-9][0-9][0-9]\.[0-9] MB|[0-9.]+ GB)\)/ {sub(/^ +/, ""); print "    " $0; fflush()}
              /^Collecting / {n++; if (n % 50 == 0) {print "    " n " packages looked up"; fflush()}}

@@ -7,11 +7,13 @@ missing_system_packages() {
     need_library() { case $libraries in *"$1 "*) ;; *) missing+=("$2") ;; esac; }
     need_command() { command -v "$1" >/dev/null || missing+=("$2"); }
 
-    need_library libusb-1.0.so.0 libusb-1.0-0 # these five: Open3D
-    need_library libGL.so.1 libgl1
     need_library libgomp.so.1 libgomp1
-    need_library libEGL.so.1 libegl1
-    need_library libX11.so.6 libx11-6
+    if has_extra simulate; then # these four: Open3D
+        need_library libusb-1.0.so.0 libusb-1.0-0
+        need_library libGL.so.1 libgl1
+        need_library libEGL.so.1 libegl1
+        need_library libX11.so.6 libx11-6
+    fi
     need_command g++ g++ # these three: packages of messages
     need_command cmake cmake
     need_command make make
