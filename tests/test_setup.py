@@ -8,31 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
-
-TOOLS = Path(__file__).parents[1] / "tools"
-SOURCED = ". $TOOLS/setup_steps.sh; . $TOOLS/setup_python.sh; . $TOOLS/setup_system.sh; "
-
-
-def shell(script: str, folder: Path, **variables: str) -> subprocess.CompletedProcess[str]:
-    """Run a script with setup's functions, as `set -u` would, in a checkout at a folder."""
-    names = {"TOOLS": str(TOOLS), "root": str(folder), "venv": f"{folder}/.venv", "stamps": f"{folder}/.setup"}
-    defaults = {"ros": "wheels", "for_tests": "", "lacking": "", "PYTHON": ""}
-    return subprocess.run(
-        ["bash", "-uc", SOURCED + script],
-        env={"PATH": os.environ["PATH"], **defaults, **names, **variables},
-        cwd=folder,
-        capture_output=True,
-        text=True,
-        stdin=subprocess.DEVNULL,
-        timeout=60,
-    )
-
-
-def program(path: Path, lines: str) -> Path:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(f"#!/bin/bash\n{lines}\n")
-    path.chmod(0o755)
-    return path
+from setup_shell import program, shell
 
 
 def test_a_supported_python_is_taken(tmp_path):
@@ -89,6 +65,14 @@ def test_the_browser_is_asked_for_by_the_tests_alone(tmp_path):
     ]
     assert "cmake" in asked[0] and "chromium" not in asked[0]
     assert set(asked[1]) - set(asked[0]) <= {"chromium"}  # where the system is Debian
+
+
+def test_what_open3d_needs_is_asked_for_where_the_simulator_is(tmp_path):
+    program(tmp_path / "bin/ldconfig", "")  # no libraries at all
+    path = {"PATH": f"{tmp_path}/bin:{os.environ['PATH']}"}
+    with_simulator = shell("missing_system_packages", tmp_path, **path).stdout.split()
+    without = shell("missing_system_packages", tmp_path, **path, extras="runtime train").stdout.split()
+    assert set(with_simulator) - set(without) == {"libusb-1.0-0", "libgl1", "libegl1", "libx11-6"}
 
 
 def test_a_moved_virtual_environment_is_repaired(tmp_path):
