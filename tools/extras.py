@@ -62,7 +62,7 @@ def main() -> int:
     """Print the table of extras."""
     found = {canonicalize_name(each.metadata["Name"]): each for each in importlib.metadata.distributions()}
     groups = members({name: each.requires or [] for name, each in found.items()})
-    sizes = {name: _disk(each) for name, each in found.items()}
+    sizes: dict[str, int] = {name: _disk(each) for name, each in found.items()}
     before: set[str] = set()
     print("| extra | packages | GB | of it for graphics cards, GB |\n|---|---|---|---|")
     for extra in EXTRAS:
