@@ -67,6 +67,17 @@ def test_each_choice_has_a_key_of_its_own(tmp_path):
     assert len(keys) == 5
 
 
+def test_other_extras_do_not_build_the_workspace_anew(tmp_path):
+    for name in ("ros", "runtime"):
+        (tmp_path / f"requirements-{name}.txt").write_text(f"{name}==1\n")
+    common = {"python_version": "3.11", "torch": "default", "locked": "0"}
+    few, all_of_them = (
+        shell("underlay_key", tmp_path, **common, extras=extras).stdout for extras in ("runtime", "runtime develop")
+    )
+    assert few == all_of_them
+    assert few != shell("underlay_key", tmp_path, **{**common, "locked": "1"}).stdout
+
+
 @pytest.fixture
 def checkout(tmp_path: Path) -> Path:
     """A folder with this project's pins, and a python whose pip writes down what it is asked for."""

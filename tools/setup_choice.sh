@@ -55,6 +55,11 @@ packages_key() {
     echo "$ros $python_version ${extras// /,} torch=$torch locked=$locked $(cat "$@" | sha256sum | cut -c1-16)"
 }
 
+# Prints what the built workspace depends on of the packages: another choice of extras builds nothing anew.
+underlay_key() {
+    echo "$ros $python_version locked=$locked $(cat requirements-ros.txt requirements-runtime.txt | sha256sum | cut -c1-16)"
+}
+
 # Prints the lines of the lock that belong to the chosen extras; it was made for one Python on one kind of machine.
 locked_requirements() {
     local groups=$extras here
