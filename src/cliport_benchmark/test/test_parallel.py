@@ -52,7 +52,7 @@ if __name__ == "__main__":
 SLEEPER = """
 import os, sys, time
 assert sys.argv[1:] == ["a word"] and __name__ == "__main__"
-print(os.getpid(), flush=True)
+os.write(1, f"{os.getpid()}\\n".encode())  # as a whole: two of them write to one pipe
 time.sleep(60)
 """
 
@@ -69,7 +69,7 @@ def test_commands_that_the_work_starts_end_with_it(tmp_path: Path, number: signa
     assert process.stdout is not None
     started = [int(process.stdout.readline()) for _ in range(2)]
     process.send_signal(number)
-    process.wait(timeout=30)
+    process.wait(timeout=120)
     assert_ends(*started)
 
 
