@@ -15,6 +15,13 @@ class Activity(Enum):
     EXECUTING = "executing"
     RECORDING = "recording"
     PROPOSING = "proposing"
+    WAITING = "waiting_for_approval"
+    RECOVERING = "recovering"
+
+    @property
+    def words(self) -> str:
+        """The activity in words."""
+        return self.value.replace("_", " ")
 
 
 class StationHooks(NamedTuple):
@@ -22,8 +29,10 @@ class StationHooks(NamedTuple):
 
     on_recorded: called after a step was recorded. on_rest: called after the arm moved.
     policy_moves: returns True while the policy server has the arm.
+    is_home: returns True or False as the arm was measured at its ready pose or elsewhere, None while that is not known.
     """
 
     on_recorded: Callable[[], None]
     on_rest: Callable[[], None]
     policy_moves: Callable[[], bool]
+    is_home: Callable[[], bool | None]

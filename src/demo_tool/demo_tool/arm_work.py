@@ -15,9 +15,11 @@ from demo_tool.bulletin import Bulletin
 from demo_tool.draft_desk import DrawnAction
 from demo_tool.errors import NotNowError, StationError
 from demo_tool.motion import Motion
+from demo_tool.plan_approval import PlanApproval
 from demo_tool.ports import Arm, Policy
 from demo_tool.proposing import ProposalRequest
 from demo_tool.recording import Recorder
+from demo_tool.recovery import Recovery
 from demo_tool.station_config import StationConfig
 from demo_tool.step_keeper import MovedStep, StepKeeper
 from demo_tool.steps import goal_of, record_of, setup_of
@@ -26,6 +28,7 @@ from demo_tool.work import Job
 
 T = TypeVar("T")
 _CLOSE_TIMEOUT = 1.0  # for the end of a cancelled goal [s]
+_CLOSED = "the station was closed"
 _NOT_FOUND_OUT = (Outcome.CANCELLED, Outcome.EXECUTION_FAILED)  # of a plan: nothing is known about the action
 EXPECTED_ERRORS = (StationError, EpisodesError, CoreError, OSError)
 
@@ -56,6 +59,8 @@ class ArmWork:
         self._motion: Motion | None = None
         self._request: ProposalRequest | None = None
         self._is_writing = False
+        self.approval = PlanApproval(arm, bulletin, config.answer_timeout, lambda: self._motion)
+        self.recovery = Recovery(arm, config, bulletin, hooks)
         self.stopped = False
         self.stop_failure = ""  # why the arm may move although it was stopped
         self.proposal: ActionGoal | None = None
@@ -71,8 +76,13 @@ class ArmWork:
         motion = self._motion  # read once: another thread may end it meanwhile
         if self._is_writing:
             return Activity.RECORDING, "writing to the disk"
+        if waiting := self.approval.waiting(motion):
+            return Activity.WAITING, f"approve plan {waiting}, or refuse it by STOP"
+        if recovering := self.recovery.words:
+            return Activity.RECOVERING, recovering
         if motion is not None:
-            return Activity.EXECUTING if motion.moved else Activity.PLANNING, phase_words(motion.phase)
+            approved = "the plan is approved, and checked again" if motion.waiting_plan else ""
+            return Activity.EXECUTING if motion.moved else Activity.PLANNING, approved or phase_words(motion.phase)
         if self._request is not None:
             return Activity.PROPOSING, "the policy is looking"
         return Activity.NONE, ""
@@ -87,7 +97,7 @@ class ArmWork:
         """Raise NotNowError while an activity goes on."""
         activity, words = self.present()
         if activity is not Activity.NONE:
-            raise NotNowError(f"busy {activity.value} ({words}): wait for its end, or stop")
+            raise NotNowError(f"busy {activity.words} ({words}): wait for its end, or stop")
 
     def refuse_motion(self) -> None:
         """Raise NotNowError when the arm must not or cannot be asked for anything."""
@@ -114,6 +124,14 @@ class ArmWork:
         motion = Motion(self._arm, goal_of(drawn, instruction), self._config, self._bulletin.touch, on_end)
         self.write_to_disk(lambda: self._recorder.begin_episode(setup))
         self._start(motion)
+
+    def recover(self) -> None:
+        """Move the arm back to its ready pose."""
+        self.refuse_motion()
+        with self._bulletin.lock:
+            self.refuse_when_busy()
+            self._refuse_when_arm_is_taken()
+            self.recovery.begin(self._clock())
 
     def record(self, drawn: DrawnAction, instruction: str) -> str:
         """Record the step without moving the arm; return a sentence for the page."""
@@ -190,10 +208,7 @@ class ArmWork:
         self._arm.stop(reason, self._on_stop_failure)
         fault = self._arm.fault()
         with self._bulletin.lock:
-            if self._motion is not None:
-                self._motion.cancel(self._clock())
-            if self._request is not None:
-                self._request.cancel("stopped")
+            self._cancel("stopped")
         if fault is not None:
             return False, f"STOP may not have reached the arm: {fault}"
         return True, "stopped: nothing moves until you resume"
@@ -205,16 +220,15 @@ class ArmWork:
         return "ready again; look where the arm and the objects are"
 
     def close(self) -> None:
-        """Cancel the activity, and wait a moment until its step is written."""
+        """Cancel the activity, a recovery by a stop, which holds, and wait a moment until its step is written."""
         with self._bulletin.lock:
-            if self._motion is not None:
-                self._motion.cancel(self._clock())
-            if self._request is not None:
-                self._request.cancel("the station was closed")
+            self._cancel(_CLOSED)
+            if self.activity is Activity.RECOVERING:
+                self._arm.stop(_CLOSED, self._on_stop_failure)
         end = self._clock() + _CLOSE_TIMEOUT
         while self.activity is not Activity.NONE and self._clock() < end:
             time.sleep(0.01)
-        if self.activity is Activity.NONE:
+        if self.activity in (Activity.NONE, Activity.RECOVERING):
             self._keeper.close()
 
     def tick(self) -> None:
@@ -223,8 +237,17 @@ class ArmWork:
         with self._bulletin.lock:
             if self._motion is not None:
                 self._motion.tick(now)
+            self.approval.tick(now)
+            self.recovery.tick(now)
             if self._request is not None:
                 self._request.tick(now)
+
+    def _cancel(self, why: str) -> None:
+        if self._motion is not None:
+            self._motion.cancel(self._clock())
+        self.recovery.stop(self._clock())
+        if self._request is not None:
+            self._request.cancel(why)
 
     def _refuse_when_arm_is_taken(self) -> None:
         if self.stopped:

@@ -7,7 +7,8 @@ from collections.abc import Callable
 
 from cliport_core.action import ActionGoal
 from cliport_core.outcome import ActionResult, Outcome
-from demo_tool.ports import ACCEPTED, RESTING, Arm, OnEnd
+from demo_tool.loss_watch import LossWatch
+from demo_tool.ports import ACCEPTED, APPROVAL, RESTING, Arm, OnEnd
 from demo_tool.station_config import StationConfig
 
 _ENDED_MOVING = frozenset({Outcome.SUCCEEDED, Outcome.GRASP_MISSED, Outcome.DROPPED})
@@ -33,7 +34,14 @@ class Motion:
         self._accepted = False
         self._deadline = float("inf")
         self._cancelled_at: float | None = None
-        self._fault_since: float | None = None
+        self._loss = LossWatch(config.lost)
+        self._plan_id = ""
+
+    @property
+    def waiting_plan(self) -> str:
+        """Id of the plan that waits for a person's approval; "" while none does."""
+        is_waiting = self.phase == APPROVAL and not self._ended and self._cancelled_at is None
+        return self._plan_id if is_waiting else ""
 
     def begin(self, now: float) -> None:
         """Send the goal to the arm."""
@@ -54,12 +62,10 @@ class Motion:
         """End a goal that has waited too long; to be called often."""
         if self._ended:
             return
+        if self.waiting_plan:
+            self._deadline = now  # the time that a person takes is not the motion's: the executor limits it
         fault = self._arm.fault()
-        if fault is None:
-            self._fault_since = None
-        elif self._fault_since is None:
-            self._fault_since = now
-        if fault is not None and self._fault_since is not None and now - self._fault_since >= self._config.lost:
+        if self._loss.is_lost(fault, now):
             self._give_up(Outcome.EXECUTION_FAILED, f"the arm was lost: {fault}")
         elif self._cancelled_at is not None and now - self._cancelled_at > self._config.cancel_timeout:
             self._give_up(Outcome.CANCELLED, f"no answer to a cancel for {self._config.cancel_timeout:g} s")
@@ -72,10 +78,11 @@ class Motion:
         self._arm.cancel()  # the arm may still receive it
         self._end(ActionResult(outcome, message))
 
-    def _on_phase(self, name: str, progress: float) -> None:
+    def _on_phase(self, name: str, progress: float, plan_id: str = "") -> None:
         if self._ended:
             return
         self._accepted = True
+        self._plan_id = plan_id
         if name not in RESTING and not self.goal.plan_only:
             self.moved = True
         if name != ACCEPTED:

@@ -61,6 +61,7 @@ class PageCommands:
             "instruction": self._set_instruction,
             "mark": self._mark,
             "stop": self._stop,
+            "approve": self._approve,
             "resume": lambda _: _answer(self._work.resume()),
         }
 
@@ -73,6 +74,7 @@ class PageCommands:
             "clear": self._clear,
             "preview": self._preview,
             "execute": self._execute,
+            "recover": self._recover,
             "record": self._record,
             "undo": self._undo,
             "restore_step": self._restore_step,
@@ -137,6 +139,14 @@ class PageCommands:
     def _execute(self, arguments: Arguments) -> Answer:
         with self._instructed(arguments) as text:
             self._work.execute(self._drawn_action(arguments), text)
+        return {}
+
+    def _approve(self, arguments: Arguments) -> Answer:
+        self._work.approval.approve(text_of(arguments, "plan"), self._clock())
+        return {}
+
+    def _recover(self, _: Arguments) -> Answer:
+        self._work.recover()
         return {}
 
     def _record(self, arguments: Arguments) -> Answer:

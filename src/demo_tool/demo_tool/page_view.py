@@ -58,6 +58,8 @@ class PageView:
             "plan": self._work.plan,
             "phase": phase_words(phase) if phase else "",
             "progress": progress,
+            "approval": self._work.approval.shown(),
+            "away": self._work.recovery.is_needed,
             "data_set": self._recorder.data_set_name,
             "episode": self._recorder.episode,
             "verdict": self._page.verdict,
@@ -76,11 +78,11 @@ class PageView:
     def _state(self, problem: str | None) -> tuple[str, str]:
         activity, words = self._work.present()
         if self._work.stopped:
-            running = f" (still {activity.value})" if activity is not Activity.NONE else ""
+            running = f" (still {activity.words})" if activity is not Activity.NONE else ""
             words = self._work.stop_failure or "nothing moves until you resume"
             return "stopped", f"Stopped{running}: {words}."
         if activity is not Activity.NONE:
-            return activity.value, f"{activity.value.capitalize()}: {words}."
+            return activity.value, f"{activity.words.capitalize()}: {words}."
         if problem is not None and not (self._bulletin.failure and problem == BEFORE_REST):
             return ("waiting_for_camera" if self._watch.view is None else "stale"), _sentence(problem)
         if self._bulletin.failure:

@@ -8,12 +8,20 @@ from typing import Protocol
 from cliport_core.action import ActionGoal
 from cliport_core.outcome import ActionResult
 
-OnPhase = Callable[[str, float], None]  # name of the phase as the executor gives it, share done
 OnEnd = Callable[[ActionResult], None]
 OnFailure = Callable[[str], None]  # one line for a person
+OnAnswer = Callable[[bool, str], None]  # True if it is done or begun as asked, and one line for a person
 
 ACCEPTED = "ACCEPTED"  # the phase that an arm reports when it has taken a goal
-RESTING = frozenset({ACCEPTED, "VALIDATING", "GRASP_PLANNING", "APPROVAL"})  # phases in which nothing moves yet
+APPROVAL = "APPROVAL"  # the phase in which a plan waits for a person's approval
+RESTING = frozenset({ACCEPTED, "VALIDATING", "GRASP_PLANNING", APPROVAL})  # phases in which nothing moves yet
+
+
+class OnPhase(Protocol):
+    """Callback for a phase of a goal."""
+
+    def __call__(self, name: str, progress: float, plan_id: str = "") -> None:
+        """Take the phase as the executor names it, the share done, and the id of the goal's plan, "" before one."""
 
 
 class Arm(Protocol):
@@ -27,6 +35,18 @@ class Arm(Protocol):
 
     def cancel(self) -> None:
         """Cancel the present goal, if there is one."""
+
+    def approve(self, plan_id: str, on_answer: OnAnswer) -> None:
+        """Approve the plan of that id, and no other; on_answer: told what the executor says to that."""
+
+    def recover(self, on_answer: OnAnswer, on_end: Callable[[], None]) -> None:
+        """Begin to move the arm up and back to its ready pose, which only a stop ends early.
+
+        on_answer: told whether that has begun; on_end: told, if it has, once the executor does nothing any more.
+        """
+
+    def is_busy(self) -> bool:
+        """Return True if the executor said last that it does something, for whomever."""
 
     def stop(self, reason: str, on_failure: OnFailure) -> None:
         """Cancel the goal, and refuse every goal, from whomever, until `resume`; on_failure: told if that fails."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -15,6 +15,7 @@ from demo_tool.bulletin import Bulletin
 from demo_tool.camera_watch import CameraWatch
 from demo_tool.draft_desk import DraftDesk
 from demo_tool.errors import StationError, UnknownCommandError
+from demo_tool.home_watch import HomeWatch
 from demo_tool.library import Library
 from demo_tool.live_view import ColorImage, LiveView
 from demo_tool.page_commands import Answer, Arguments, PageCommands
@@ -53,14 +54,16 @@ class Station:
         self._clock = clock
         self._bulletin = Bulletin()
         self._watch = CameraWatch(config)
+        self._home = HomeWatch(config.home, config.home_tolerance)
         self._feeds = {name: PictureFeed() for name in PICTURES}
         self._desk = DraftDesk(config)
         self._recorder = Recorder(data_sets_root, config.min_free)
         self._library = Library(data_sets_root, self._recorder)
         hooks = StationHooks(
             on_recorded=self._on_recorded,
-            on_rest=lambda: self._watch.on_rest(self._now_ns),
+            on_rest=self._on_rest,
             policy_moves=lambda: self._policy_state == PolicyState.EXECUTING.name.lower(),
+            is_home=lambda: self._home.is_home,
         )
         self._work = ArmWork(config, arm, policy, self._recorder, self._bulletin, run or WorkThread(), clock, hooks)
         self._page = PageCommands(
@@ -93,6 +96,14 @@ class Station:
     def on_camera_fault(self, words: str) -> None:
         """Take the reason why the camera's pictures cannot be used."""
         self._watch.fault = words
+
+    def on_joints(self, positions: Mapping[str, float]) -> None:
+        """Take the newest measured positions of all joints by name [rad, m]; none where they are old."""
+        with self._bulletin.lock:
+            before = self._home.is_home
+            self._home.on_joints(positions)
+            if self._home.is_home != before:
+                self._bulletin.touch()
 
     def on_heightmap(self, stamp_ns: int, read: Callable[[], ColorImage]) -> None:
         """Take a picture of the scene from above; `read` decodes it, (H, W, 3) RGB."""
@@ -219,6 +230,10 @@ class Station:
             self._desk.judge(view)
         except EXPECTED_ERRORS as error:
             self.on_camera_fault(str(error))
+
+    def _on_rest(self) -> None:
+        self._watch.on_rest(self._now_ns)
+        self._home.forget()
 
     def _on_recorded(self) -> None:
         self._desk.clear()

@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from cliport_core.workspace import WorkspaceSpec
-from panda_model import HandModel, load_preset
+from panda_model import ArmModel, HandModel, load_preset
+
+
+def ready_pose(arm: ArmModel) -> dict[str, float]:
+    """Return the positions of the arm's joints at its ready pose by their names [rad]."""
+    return dict(zip(arm.arm_joints, map(float, arm.ready), strict=True))
 
 
 @dataclass(frozen=True)
@@ -36,7 +42,8 @@ class StationConfig:
     settle: rest after a motion before a picture counts; lost: absence after which the executor counts as lost;
     answer_timeout: until a goal is accepted; goal_timeout: until it ends; cancel_timeout: until a cancel is confirmed;
     proposal_timeout: until the policy has answered; min_free: least free space on the disk for a step [bytes];
-    crop: edge of the policy's crop around its proposal [heightmap cells].
+    crop: edge of the policy's crop around its proposal [heightmap cells]; home: positions of the joints by name at
+    which the arm rests; home_tolerance: how far from it each joint may be [rad].
     """
 
     workspace: WorkspaceSpec = field(default_factory=WorkspaceSpec)
@@ -52,3 +59,5 @@ class StationConfig:
     proposal_timeout: float = 45.0
     min_free: int = 64_000_000
     crop: int = 32
+    home: Mapping[str, float] = field(default_factory=lambda: ready_pose(load_preset()))
+    home_tolerance: float = 0.05

@@ -20,7 +20,7 @@ from cliport_episodes.observation import Observation
 from cliport_episodes.observation_messages import messages_from_observation
 from cliport_perception.camera_model import CameraModel
 from demo_tool.live_view import ColorImage, DepthImage, LiveView
-from demo_tool.ports import ACCEPTED, OnEnd, OnFailure, OnPhase
+from demo_tool.ports import ACCEPTED, APPROVAL, OnAnswer, OnEnd, OnFailure, OnPhase
 from panda_model import load_preset
 
 _PHASES = (
@@ -131,7 +131,9 @@ class FakeArm:
     """Arm that executes goals at once, or in a thread with `pace` seconds a phase.
 
     result: how goals end, a plan with PLANNED where this says SUCCEEDED; silent: goals are never answered;
-    fault_words: why it cannot be used; on_success: what a goal that succeeds does to the world.
+    fault_words: why it cannot be used; on_success: what a goal that succeeds does to the world; waiting_plan: id of the
+    plan with which goals wait for approval, "" where they do not wait; recovery_refusal: why it does not recover, ""
+    where it does; on_recovered: what a recovery that nobody stops does to the world.
     """
 
     pace: float = 0.0
@@ -141,11 +143,17 @@ class FakeArm:
     silent: bool = False
     fault_words: str | None = None
     on_success: Callable[[ActionGoal], None] = lambda goal: None
+    waiting_plan: str = ""
+    recovery_refusal: str = ""
+    on_recovered: Callable[[], None] = lambda: None
+    recoveries: int = 0
+    busy: bool = False
     goals: list[ActionGoal] = field(default_factory=list)
     stops: int = 0
     stopped: bool = False
     on_stop_failure: OnFailure = lambda words: None
     _cancel: threading.Event = field(default_factory=threading.Event)
+    _approved: threading.Event = field(default_factory=threading.Event)
 
     def fault(self) -> str | None:
         """Return the words that were set."""
@@ -169,6 +177,31 @@ class FakeArm:
         """End the present goal."""
         self._cancel.set()
 
+    def approve(self, plan_id: str, on_answer: OnAnswer) -> None:
+        """Let the goal go on whose plan has that id."""
+        if plan_id != self.waiting_plan:
+            on_answer(False, f"the plan that waits is {self.waiting_plan}, not {plan_id}")
+            return
+        on_answer(True, f"plan {plan_id} is approved")
+        self._approved.set()
+
+    def recover(self, on_answer: OnAnswer, on_end: Callable[[], None]) -> None:
+        """Go back at once, or within ten times `pace`."""
+        refusal = "stopped on request" if self.stopped else self.recovery_refusal
+        on_answer(not refusal, refusal or "begun; the log says how it ends")
+        if refusal:
+            return
+        self.recoveries += 1
+        self._cancel = threading.Event()
+        if self.pace:
+            threading.Thread(target=self._go_back, args=(on_end,), daemon=True).start()
+        else:
+            self._go_back(on_end)
+
+    def is_busy(self) -> bool:
+        """Return what was set."""
+        return self.busy
+
     def stop(self, reason: str, on_failure: OnFailure) -> None:
         """End the present goal, and refuse others until `resume`; on_failure is kept for the test."""
         self.on_stop_failure = on_failure
@@ -185,6 +218,8 @@ class FakeArm:
         phases = _PHASES[:2] if goal.plan_only or not _moves(self.result.outcome) else _PHASES
         for number, phase in enumerate(phases):
             on_phase(phase, number / len(phases))
+            if phase == "GRASP_PLANNING" and self.waiting_plan and not goal.plan_only:
+                self._await_approval(on_phase)
             if self.pace and self._cancel.wait(self.pace):
                 on_end(ActionResult(Outcome.CANCELLED, f"cancelled during {phase.lower()}; the arm holds"))
                 return
@@ -194,6 +229,17 @@ class FakeArm:
         elif result.outcome is Outcome.SUCCEEDED:
             self.on_success(goal)
         on_end(result)
+
+    def _await_approval(self, on_phase: OnPhase) -> None:
+        self._approved.clear()
+        on_phase(APPROVAL, 0.2, self.waiting_plan)
+        while not self._approved.wait(0.01) and not self._cancel.is_set():
+            pass
+
+    def _go_back(self, on_end: Callable[[], None]) -> None:
+        if not self._cancel.wait(10.0 * self.pace):
+            self.on_recovered()
+        on_end()
 
 
 def _moves(outcome: Outcome) -> bool:

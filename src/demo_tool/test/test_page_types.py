@@ -11,6 +11,7 @@ import pytest
 
 import demo_tool
 from cliport_core.instruction import MAX_INSTRUCTION
+from cliport_core.outcome import ActionResult, Outcome
 from demo_tool.errors import UnknownCommandError
 from demo_tool.web.commands import OWN_COMMANDS
 
@@ -59,6 +60,19 @@ def test_the_state_has_the_fields_that_the_page_expects(bench) -> None:
     check("View", {**view, "may_take_over": False, "pages": 1})
     bench.do("preview")
     check("Plan", bench.view["plan"])
+
+
+def test_what_waits_for_a_person_has_the_fields_that_the_page_expects(held) -> None:
+    held.begin()
+    held.draw()
+    held.do("execute")
+    held.arm.on_phase("APPROVAL", 0.2, "1a2b3c4d")
+    check("View", {**held.view, "may_take_over": False, "pages": 1})
+    check("Approval", held.view["approval"])
+    held.arm.on_end(ActionResult(Outcome.REJECTED, "not approved"))
+    held.arm.recover = lambda on_answer, on_end: on_answer(True, "begun")
+    held.do("recover")
+    check("View", {**held.view, "may_take_over": False, "pages": 1})
 
 
 def test_what_is_listed_has_the_fields_that_the_page_expects(bench) -> None:

@@ -5,7 +5,8 @@ export type Box = [top: number, left: number, bottom: number, right: number];
 export type Pixel = [row: number, column: number];
 
 export type State =
-  | "waiting_for_camera" | "stale" | "ready" | "planning" | "executing" | "recording" | "proposing" | "failed" | "stopped";
+  | "waiting_for_camera" | "stale" | "ready" | "planning" | "executing" | "recording" | "proposing" | "failed" | "stopped"
+  | "waiting_for_approval" | "recovering";
 export type EndName = "pick" | "place";
 export type Primitive = "pick_place" | "sweep" | "fold";
 export type Source = "clicked" | "corrected" | "proposed" | "expert";
@@ -41,6 +42,13 @@ export interface Draft extends Ends {
 
 export interface Plan {
   reachable: boolean;
+  words: string;
+}
+
+/** The plan that waits for a person; asked: its approval is on its way; words: why the executor did not take one. */
+export interface Approval {
+  plan: string;
+  asked: boolean;
   words: string;
 }
 
@@ -94,6 +102,9 @@ export interface View {
   plan: Plan | null;
   phase: string;
   progress: number;
+  approval: Approval | null;
+  /** Whether the arm was measured away from its ready pose while nobody else moves it. */
+  away: boolean;
   data_set: string | null;
   episode: OpenEpisode | null;
   verdict: boolean | null;
@@ -158,6 +169,7 @@ export interface Commands {
   instruction: { text: string };
   mark: { success: boolean | null; episode?: string };
   stop: {};
+  approve: { plan: string };
   resume: {};
   open_data_set: { name: string };
   primitive: { name: Primitive };
@@ -167,6 +179,7 @@ export interface Commands {
   preview: { draft: SeenDraft };
   execute: { text: string; draft: SeenDraft };
   record: { text: string; draft: SeenDraft };
+  recover: {};
   undo: {};
   restore_step: {};
   save_again: {};
