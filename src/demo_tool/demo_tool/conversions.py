@@ -32,6 +32,12 @@ def joint_names_from_raw(raw: bytes) -> tuple[str, ...]:
     return tuple(message.name)
 
 
+def joint_positions_from_raw(raw: bytes) -> dict[str, float]:
+    """Return the positions [rad, m] of a serialized JointState by the joints' names."""
+    message: JointState = deserialize_message(raw, JointState)
+    return dict(zip(message.name, map(float, message.position)))  # a state may lack positions
+
+
 def transforms_from_raw(raw: bytes) -> TFMessage:
     """Deserialize a TFMessage."""
     message: TFMessage = deserialize_message(raw, TFMessage)

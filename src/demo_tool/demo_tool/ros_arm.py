@@ -24,7 +24,8 @@ from cliport_core.heartbeat import Heartbeat
 from cliport_core.messages import goal_to_msg, result_from_msg
 from cliport_core.outcome import ActionResult, Outcome
 from cliport_interfaces.action import PickPlace
-from demo_tool.ports import ACCEPTED, OnEnd, OnFailure, OnPhase
+from demo_tool.ports import ACCEPTED, OnAnswer, OnEnd, OnFailure, OnPhase
+from demo_tool.ros_requests import ExecutorRequests
 
 _HEARTBEAT_TIMEOUT = 1.0  # [s]
 _BEAT_PERIOD = 0.05  # of its own signs of life [s]
@@ -49,6 +50,7 @@ class RosArm:
         # From a thread of its own: the node's may be at a picture or at the disk for longer than a motion waits.
         self._heart = Heartbeat(lambda: beats.publish(String(data=self._owner)), _BEAT_PERIOD, self._turns)
         self._triggers = {name: node.create_client(Trigger, name) for name in (*_STOPS, *_RESUMES)}
+        self._requests = ExecutorRequests(node)
         node.create_subscription(Empty, topics.HEARTBEAT, self._on_heartbeat, 1)
         self._beat: float | None = None
         self._fault: str | None = "the executor has not been looked for yet"
@@ -82,6 +84,18 @@ class RosArm:
     def cancel(self) -> None:
         """Cancel the present goal, now or once it is accepted."""
         self._post(self._cancel)
+
+    def approve(self, plan_id: str, on_answer: OnAnswer) -> None:
+        """Approve the plan of that id, and no other; on_answer: told in the node's thread what the executor says."""
+        self._post(lambda: self._requests.approve(plan_id, on_answer))
+
+    def recover(self, on_answer: OnAnswer, on_end: Callable[[], None]) -> None:
+        """Begin to move the arm back to its ready pose; both are told in the node's thread, as `Arm` has it."""
+        self._post(lambda: self._requests.recover(on_answer, on_end))
+
+    def is_busy(self) -> bool:
+        """Return True if the executor said last that it does something, for whomever."""
+        return self._requests.is_busy
 
     def stop(self, reason: str, on_failure: OnFailure) -> None:
         """Cancel the goal, and stop the executor and the policy server until `resume`.
@@ -170,7 +184,7 @@ class _Goal:
         self._cancelled = False
 
     def on_feedback(self, feedback: PickPlace.Feedback) -> None:
-        self._on_phase(str(feedback.phase_name), float(feedback.progress))
+        self._on_phase(str(feedback.phase_name), float(feedback.progress), str(feedback.plan_id))
 
     def on_answer(self, handle: ClientGoalHandle | None) -> None:
         if handle is None or not handle.accepted:

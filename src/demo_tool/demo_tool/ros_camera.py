@@ -18,12 +18,19 @@ from cliport_core.throttle import MessageThrottle
 from cliport_core.transforms import TransformTree
 from cliport_episodes.raw import RawMessage
 from cliport_perception.conversions import CameraReader
-from demo_tool.conversions import color_from_raw, depth_from_raw, joint_names_from_raw, transforms_from_raw
+from demo_tool.conversions import (
+    color_from_raw,
+    depth_from_raw,
+    joint_names_from_raw,
+    joint_positions_from_raw,
+    transforms_from_raw,
+)
 from demo_tool.live_view import LiveView
 from demo_tool.station import Station
 
 _IMAGE, _CAMERA_INFO = "sensor_msgs/msg/Image", "sensor_msgs/msg/CameraInfo"
 _COMPLAINT_PERIOD = 10.0  # [s]
+_JOINTS_AGE_NS = 1_000_000_000  # up to which a joint state says where the arm is
 _PATIENCE = 3.0  # before the first complaint is logged: nodes start in any order [s]
 
 
@@ -56,6 +63,15 @@ class RosCamera:
     def adapt(self) -> None:
         """Match the subscriptions to the reliability of the camera's publishers; to be called every second or so."""
         self._input.adapt()
+
+    def joint_positions(self) -> dict[str, float]:
+        """Return the newest positions [rad, m] of the joints that were heard of lately, by name."""
+        now_ns = self._now_ns()
+        states = [state for state in self._joints.values() if abs(now_ns - state.stamp_ns) <= _JOINTS_AGE_NS]
+        positions: dict[str, float] = {}
+        for state in states:
+            positions.update(joint_positions_from_raw(state.data))
+        return positions
 
     def _on_static(self, raw: bytes) -> None:
         links = transforms_from_raw(raw).transforms

@@ -15,11 +15,11 @@ from demo_tool.ros_arm import RosArm
 from demo_tool.ros_camera import RosCamera
 from demo_tool.ros_policy import RosPolicy
 from demo_tool.station import Station
-from demo_tool.station_config import BoxConfig, StationConfig
+from demo_tool.station_config import BoxConfig, StationConfig, ready_pose
 from panda_model.ros_parameters import declare_base_frame, declare_robot
 
 _TICK = 0.05  # [s]
-_LOOK_EVERY = 4  # ticks between two looks for the executor
+_LOOK_EVERY = 4  # ticks between two looks for the executor and the joints
 _ADAPT_EVERY = 20  # ticks between two looks for the camera's publishers
 
 
@@ -43,7 +43,7 @@ class RosLink(Node):
         arm = declare_robot(self)
         base_frame = declare_base_frame(self, arm)
         workspace = WorkspaceSpec.load(path) if path else WorkspaceSpec()
-        self.config = StationConfig(workspace, base_frame, BoxConfig(hand=arm.hand))
+        self.config = StationConfig(workspace, base_frame, BoxConfig(hand=arm.hand), home=ready_pose(arm))
         self._queue = SpinQueue(self)
         self.arm = RosArm(self, base_frame, self._queue.post)
         self.policy = RosPolicy(self, base_frame, self._queue.post)
@@ -77,6 +77,8 @@ class RosLink(Node):
         self._queue.run()
         if self._ticks % _LOOK_EVERY == 0:
             self.arm.look()
+            if self._station is not None and self._camera is not None:
+                self._station.on_joints(self._camera.joint_positions())
         if self._ticks % _ADAPT_EVERY == 0:
             self._adopt_sim_time()
             if self._camera is not None:
