@@ -1,11 +1,13 @@
 // The page: joins the connection, the picture, the panel and the episodes.
 
+import { ApprovalBar } from "./approval.js";
 import { Connection } from "./connection.js";
 import { BUSY } from "./end_cards.js";
 import { Episodes } from "./episodes.js";
 import { LivePicture } from "./live.js";
 import { button, buttons, byId, press, say, wordsOf } from "./page.js";
 import { Panel } from "./panel.js";
+import { setUpRecovery, showRecovery } from "./recovery.js";
 import { Stage } from "./stage.js";
 import { setUpStopping } from "./stopping.js";
 
@@ -23,6 +25,8 @@ const STATES = {
   proposing: ["◌", "The policy looks"],
   failed: ["✗", "Failed"],
   stopped: ["■", "Stopped"],
+  waiting_for_approval: ["?", "Waits for your approval"],
+  recovering: ["▶", "The arm goes back"],
 };
 /** @type {Record<string, string>} */
 const SIDE_WORDS = {
@@ -30,7 +34,7 @@ const SIDE_WORDS = {
   pick_affordance: "Where the policy would pick, seen from behind the robot.",
   place_affordance: "Where the policy would place, seen from behind the robot.",
 };
-const SAID_TWICE = /^(?:Ready|Planning|Executing|Recording|Proposing|Stopped): (.)/;
+const SAID_TWICE = /^(?:Ready|Planning|Executing|Recording|Proposing|Stopped|Waiting for approval|Recovering): (.)/;
 const CLOCKS_APART_MS = 60000; // the camera's stamps are then of another clock, as in a simulation
 
 const connection = new Connection();
@@ -41,6 +45,7 @@ const call = (command, ...args) => connection.call(command, ...args);
 const stage = new Stage(byId("overlay", SVGSVGElement), (end, drawn) => call(end, drawn).catch(tell));
 const panel = new Panel(call, stage);
 const episodes = new Episodes(call);
+const approvalBar = new ApprovalBar((plan) => call("approve", { plan }).catch(tell));
 
 /** @param {{ state: keyof typeof STATES, words: string }} view */
 function showState({ state, words }) {
@@ -73,6 +78,8 @@ function show(view) {
   showHolder(view);
   byId("stopped").hidden = view.state !== "stopped";
   button("resume").disabled = view.holder !== "me";
+  approvalBar.show(view, connection.open);
+  showRecovery(view, connection.open);
   byId("no-picture").hidden = view.camera.age_ms !== null;
   byId("stage").style.aspectRatio = `${view.camera.width || 16} / ${view.camera.height || 9}`;
   byId("stage").classList.toggle("empty", view.camera.age_ms === null);
@@ -91,6 +98,8 @@ connection.addEventListener("lost", () => {
   showState({ state: "connecting", words: "The connection to the server is lost." });
   stage.enabled = false;
   panel.disable();
+  approvalBar.disable();
+  button("recover").disabled = true;
 });
 
 // pictures
@@ -144,6 +153,7 @@ episodes.addEventListener("another-data-set", () => {
   open("record");
   panel.askDataSet();
 });
+setUpRecovery(() => call("recover").catch(tell));
 setUpStopping(() => connection.stop().catch(tell));
 
 open("record");

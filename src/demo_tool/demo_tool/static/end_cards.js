@@ -11,7 +11,7 @@ const NAMES = {
   sweep: { pick: "Start", place: "End" },
   fold: { pick: "Corner", place: "Onto" },
 };
-export const BUSY = ["planning", "executing", "recording", "proposing"];
+export const BUSY = ["planning", "executing", "recording", "proposing", "waiting_for_approval", "recovering"];
 
 export class EndCards {
   #stage;
