@@ -6,7 +6,6 @@ import time
 from collections.abc import Callable
 from typing import TypeVar
 
-from cliport_core.action import ActionGoal
 from cliport_core.errors import CoreError
 from cliport_core.outcome import ActionResult, Outcome
 from cliport_episodes.errors import EpisodesError
@@ -17,7 +16,7 @@ from demo_tool.errors import NotNowError, StationError
 from demo_tool.motion import Motion
 from demo_tool.plan_approval import PlanApproval
 from demo_tool.ports import Arm, Policy
-from demo_tool.proposing import ProposalRequest
+from demo_tool.proposing import Proposals
 from demo_tool.recording import Recorder
 from demo_tool.recovery import Recovery
 from demo_tool.station_config import StationConfig
@@ -51,19 +50,18 @@ class ArmWork:
         clock: Callable[[], float],
         hooks: StationHooks,
     ) -> None:
-        self._config, self._arm, self._policy = config, arm, policy
+        self._config, self._arm = config, arm
         self._recorder, self._bulletin = recorder, bulletin
         self._run, self._clock = run, clock
         self._hooks = hooks
         self._keeper = StepKeeper(recorder, config)
         self._motion: Motion | None = None
-        self._request: ProposalRequest | None = None
         self._is_writing = False
         self.approval = PlanApproval(arm, bulletin, config.answer_timeout, lambda: self._motion)
+        self.proposals = Proposals(policy, config, bulletin)
         self.recovery = Recovery(arm, config, bulletin, hooks)
         self.stopped = False
         self.stop_failure = ""  # why the arm may move although it was stopped
-        self.proposal: ActionGoal | None = None
         self.plan: dict[str, object] | None = None
 
     @property
@@ -83,7 +81,7 @@ class ArmWork:
         if motion is not None:
             approved = "the plan is approved, and checked again" if motion.waiting_plan else ""
             return Activity.EXECUTING if motion.moved else Activity.PLANNING, approved or phase_words(motion.phase)
-        if self._request is not None:
+        if self.proposals.request is not None:
             return Activity.PROPOSING, "the policy is looking"
         return Activity.NONE, ""
 
@@ -187,16 +185,7 @@ class ArmWork:
         with self._bulletin.lock:
             self.refuse_when_busy()
             self._refuse_when_arm_is_taken()
-            self.proposal = None
-            self._bulletin.clear_failure()
-            self._request = ProposalRequest(self._policy, instruction, self._config, self._on_proposal)
-            self._request.begin(self._clock())
-            self._bulletin.touch()
-
-    @property
-    def request(self) -> ProposalRequest | None:
-        """Request for a proposal that is not answered yet."""
-        return self._request
+            self.proposals.begin(instruction, self._clock())
 
     def stop(self, reason: str) -> tuple[bool, str]:
         """Stop the arm until `resume`, before waiting for the lock.
@@ -239,15 +228,13 @@ class ArmWork:
                 self._motion.tick(now)
             self.approval.tick(now)
             self.recovery.tick(now)
-            if self._request is not None:
-                self._request.tick(now)
+            self.proposals.tick(now)
 
     def _cancel(self, why: str) -> None:
         if self._motion is not None:
             self._motion.cancel(self._clock())
         self.recovery.stop(self._clock())
-        if self._request is not None:
-            self._request.cancel(why)
+        self.proposals.cancel(why)
 
     def _refuse_when_arm_is_taken(self) -> None:
         if self.stopped:
@@ -316,11 +303,3 @@ class ArmWork:
                 self._bulletin.say(f"recorded; {words}")
             else:
                 self._bulletin.fail(f"recorded as it went: {words}. Undo drops the step; the arm does not go back")
-
-    def _on_proposal(self, proposal: ActionGoal | None, why: str) -> None:
-        with self._bulletin.lock:
-            self._request, self.proposal = None, proposal
-            if proposal is None:
-                self._bulletin.fail(why)
-            else:
-                self._bulletin.say("the policy has a proposal: correct it, or draw your own")

@@ -198,7 +198,7 @@ class PageCommands:
         return {}
 
     def _correct(self, _: Arguments) -> Answer:
-        proposal = self._work.proposal
+        proposal = self._work.proposals.newest
         if proposal is None:
             raise NotNowError("there is no proposal to correct: ask the policy for one first")
         view = self._fresh_view()

@@ -110,7 +110,7 @@ class PageView:
         }
 
     def _proposal_shown(self) -> dict[str, Any] | None:
-        proposal, view = self._work.proposal, self._watch.view
+        proposal, view = self._work.proposals.newest, self._watch.view
         if proposal is None or view is None:
             return None
         workspace, z = self._config.workspace, self._config.box.table_z

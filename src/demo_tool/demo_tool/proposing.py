@@ -8,6 +8,7 @@ from enum import Enum
 from cliport_core.action import ActionGoal, PickPlaceAction
 from cliport_core.policy_state import PolicyState, ServerStatus
 from cliport_core.pose import PlanarPose
+from demo_tool.bulletin import Bulletin
 from demo_tool.ports import Policy
 from demo_tool.station_config import StationConfig
 
@@ -107,6 +108,44 @@ class ProposalRequest:
         if self._stage is not _Stage.ENDED:
             self._stage = _Stage.ENDED
             self._on_end(proposal, why)
+
+
+class Proposals:
+    """Proposals of the policy server, one request at a time. The bulletin's lock guards it, and is told of its ends.
+
+    newest: the last proposal, None without one; request: the one that is not answered yet.
+    """
+
+    def __init__(self, policy: Policy, config: StationConfig, bulletin: Bulletin) -> None:
+        self._policy, self._config, self._bulletin = policy, config, bulletin
+        self.newest: ActionGoal | None = None
+        self.request: ProposalRequest | None = None
+
+    def begin(self, instruction: str, now: float) -> None:
+        """Ask the policy, with the lock held; now: a steady clock's time [s]."""
+        self.newest = None
+        self._bulletin.clear_failure()
+        self.request = ProposalRequest(self._policy, instruction, self._config, self._on_proposal)
+        self.request.begin(now)
+        self._bulletin.touch()
+
+    def cancel(self, why: str) -> None:
+        """End the present request, if there is one."""
+        if self.request is not None:
+            self.request.cancel(why)
+
+    def tick(self, now: float) -> None:
+        """End a request that has waited too long; to be called often. now: as for `begin`."""
+        if self.request is not None:
+            self.request.tick(now)
+
+    def _on_proposal(self, proposal: ActionGoal | None, why: str) -> None:
+        with self._bulletin.lock:
+            self.request, self.newest = None, proposal
+            if proposal is None:
+                self._bulletin.fail(why)
+            else:
+                self._bulletin.say("the policy has a proposal: correct it, or draw your own")
 
 
 def _published_instruction(text: str) -> str:

@@ -118,23 +118,22 @@ class Station:
         with self._bulletin.lock:
             self._policy_state = status.state.name.lower()
             self._policy_words = policy_words(status.state, status.message)
-            if self._work.request is not None:
-                self._work.request.on_status(status)
+            if self._work.proposals.request is not None:
+                self._work.proposals.request.on_status(status)
             self._bulletin.touch()
 
     def on_policy_gone(self) -> None:
         """Take that no policy server runs any more; what it did last no longer holds."""
         with self._bulletin.lock:
             self._policy_state, self._policy_words = "absent", "the policy server is gone"
-            if self._work.request is not None:
-                self._work.request.cancel(self._policy_words)
+            self._work.proposals.cancel(self._policy_words)
             self._bulletin.touch()
 
     def on_policy_pose(self, which: str, pose: PlanarPose, stamp_ns: int) -> None:
         """Take the policy server's pose of "pick" or "place", chosen on the picture of stamp_ns."""
         with self._bulletin.lock:
-            if self._work.request is not None:
-                self._work.request.on_pose(which, pose, stamp_ns)
+            if self._work.proposals.request is not None:
+                self._work.proposals.request.on_pose(which, pose, stamp_ns)
 
     def tick(self, now_ns: int) -> None:
         """Take the ROS time [ns], and end waits that have lasted too long; to be called at 20 Hz."""
@@ -237,7 +236,7 @@ class Station:
 
     def _on_recorded(self) -> None:
         self._desk.clear()
-        self._work.proposal = None
+        self._work.proposals.newest = None
         self._work.plan = None
 
 
