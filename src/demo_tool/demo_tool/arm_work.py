@@ -252,6 +252,7 @@ class ArmWork:
         with self._bulletin.lock:
             self.refuse_when_busy()
             self._motion, self.plan = motion, None
+            self.approval.forget()
             self._bulletin.clear_failure()
             self._bulletin.touch()
             if self.stopped:

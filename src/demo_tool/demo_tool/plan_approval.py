@@ -29,6 +29,10 @@ class PlanApproval:
         self._refused = ("", "")  # the plan whose approval was not taken, and why
         self._approved = ""
 
+    def forget(self) -> None:
+        """Forget what was asked of earlier plans, with the lock held, as another motion begins."""
+        self._asked, self._refused, self._approved = None, ("", ""), ""
+
     def waiting(self, motion: Motion | None) -> str:
         """Return the id of the plan with which the motion waits for a person, "" while it does not."""
         plan_id = "" if motion is None else motion.waiting_plan

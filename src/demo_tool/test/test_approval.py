@@ -125,6 +125,11 @@ def test_each_plan_needs_its_own_approval(waiting) -> None:
     waiting.arm.on_phase("APPROVAL", 0.2, "99999999")
     assert waiting.view["approval"]["plan"] == "99999999"
     assert "the plan that waits is 99999999" in waiting.refused("approve", plan=PLAN)
+    waiting.arm.on_end(ActionResult(Outcome.REJECTED, "not approved"))
+    waiting.see()
+    waiting.do("execute")
+    waiting.arm.on_phase("APPROVAL", 0.2, PLAN)
+    assert waiting.view["approval"] == {"plan": PLAN, "asked": False, "words": ""}, "even if it has the same id"
 
 
 def test_a_motion_is_limited_in_time_from_its_approval_on(waiting) -> None:

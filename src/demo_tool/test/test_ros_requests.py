@@ -16,6 +16,7 @@ from cliport_core.ros_running import SpinThread
 from cliport_core.ros_spin_queue import SpinQueue
 from cliport_interfaces.srv import ApprovePlan
 from demo_tool.ros_arm import RosArm
+from demo_tool.ros_requests import ExecutorRequests
 
 
 class World:
@@ -108,6 +109,9 @@ def test_a_recovery_ends_once_the_executor_is_idle_again(world: World) -> None:
 
 
 def test_an_executor_that_is_not_there_is_said(world: World) -> None:
-    page = rclpy.create_node("alone", cli_args=["--ros-args", "-r", "/panda_executor/approve:=/none"])
-    RosArm(page, "panda_link0", lambda act: act()).approve("1a2b3c4d", world.hear)
-    assert world.heard[0][0] is False and "cannot be reached: is it running? (service /none)" in world.heard[0][1]
+    remap = ["--ros-args", "-r", "/panda_executor/approve:=/none", "-r", "/panda_executor/recover:=/nothing"]
+    requests = ExecutorRequests(rclpy.create_node("alone", cli_args=remap))
+    requests.approve("1a2b3c4d", world.hear)
+    requests.recover(world.hear, world.end)
+    words = [words for ok, words in world.heard if not ok]
+    assert len(words) == 2 and all("cannot be reached: is it running? (service /" in line for line in words)
