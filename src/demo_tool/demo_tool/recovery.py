@@ -22,7 +22,7 @@ class Recovery:
 
     @property
     def words(self) -> str:
-        """What the executor said to the present recovery, as a phrase; "" without one."""
+        """Answer of the executor to the present recovery, as a phrase; "" without a recovery."""
         run = self._run
         return "" if run is None else run.words
 
