@@ -25,7 +25,8 @@ from panda_executor.transfer_attempts import PickPlacePlan
 from sim_bridge.robot import ROBOT
 from sim_bridge.world import SimWorld
 
-LONG = 60.0  # of looking for a way that was not found [s]
+LONG = 60.0  # of looking for a way that was not found, where everything is known [s]
+LONGER = 20.0  # and in what the camera saw [s]
 Cloud = npt.NDArray[np.float32]
 
 
@@ -33,8 +34,9 @@ Cloud = npt.NDArray[np.float32]
 class Record:
     """One scene: what stands there, how planning ended and how long it took, and how near the plan comes to things.
 
-    seconds: of the processor; None in a scene in which it was not measured. exists: whether there is a way, of a
-    refused scene. thing_distance, table_distance: [m].
+    seconds: of the processor; None where that was not measured. exists: whether a long search finds a way where
+    everything is known; seen: whether it finds one in what the camera saw; None where there is a plan. thing_distance,
+    table_distance: [m].
     """
 
     seed: int
@@ -44,6 +46,8 @@ class Record:
     free_seconds: float | None = None
     exists: bool | None = None
     exists_words: str = ""
+    seen: bool | None = None
+    seen_words: str = ""
     thing_distance: float | None = None
     table_distance: float | None = None
     touches: list[Touch] = field(default_factory=list)
@@ -53,7 +57,7 @@ class Bench:
     """World, camera and planners, made once a process.
 
     The planner has the default settings, but time is that which the processor spent on it, and searches end by their
-    number of checks: how busy the machine is does not change a result.
+    number of checks: how busy the machine is hardly changes a result.
     """
 
     def __init__(self) -> None:
@@ -62,8 +66,12 @@ class Bench:
         config = ExecutorConfig.for_arm(ROBOT)
         config = replace(config, search=replace(config.search, time_limit=math.inf))
         self.planner = self._planner(config)
-        wide = replace(config.search, max_checks=1_000_000, time_limit=LONG / 2, margin=2.0 * math.pi)
-        self.patient = self._planner(replace(config, search=wide, planning_time=LONG))
+        self.patient, self.less_patient = self._long(config, LONG), self._long(config, LONGER)
+
+    def _long(self, config: ExecutorConfig, seconds: float) -> TransferPlanner:
+        """Return a planner that searches all round, each way for a quarter of the time at most."""
+        search = replace(config.search, max_checks=1_000_000, margin=2.0 * math.pi, time_limit=seconds / 4)
+        return self._planner(replace(config, search=search, planning_time=seconds))
 
     def _planner(self, config: ExecutorConfig) -> TransferPlanner:
         planner = TransferPlanner(PandaModel(ROBOT), config, time.thread_time)
@@ -87,17 +95,30 @@ class Bench:
         """Do one scene; free: plan without the things, too."""
         scene = make_scene(self.world, self.planner.ik, seed)
         record = Record(seed, [f"{thing.name} {thing.mesh.vertices[:, 2].max():.2f} m" for thing in scene.things])
-        planned, record.seconds = self.plan(self.planner, scene, self.cloud(seed))
+        cloud = self.cloud(seed)
+        planned, record.seconds = self.plan(self.planner, scene, cloud)
         if isinstance(planned, str):
             record.refused = planned
-            found, _ = self.plan(self.patient, scene, true_cloud(self.world, self.world.config.workspace))
-            record.exists, record.exists_words = not isinstance(found, str), found if isinstance(found, str) else ""
+            known = true_cloud(self.world, self.world.config.workspace)
+            record.exists, record.exists_words = self._found((self.planner, self.patient), scene, known)
+            if record.exists:
+                record.seen, record.seen_words = self._found((self.less_patient,), scene, cloud)
         else:
             truth = TrueGeometry(self.world, scene.block)
             record.thing_distance, record.table_distance, record.touches = truth.check(planned)
         if free:
             record.free_seconds = self.free_seconds(seed)
         return record
+
+    def _found(self, planners: tuple[TransferPlanner, ...], scene: ClutteredScene, cloud: Cloud) -> tuple[bool, str]:
+        """Return whether one of the planners, asked in turn, finds a way, and why the last does not."""
+        words = ""
+        for planner in planners:
+            found, _ = self.plan(planner, scene, cloud)
+            if not isinstance(found, str):
+                return True, ""
+            words = found
+        return False, words
 
     def free_seconds(self, seed: int) -> float:
         scene = make_scene(self.world, self.planner.ik, seed)
@@ -106,21 +127,31 @@ class Bench:
         assert not isinstance(plan, str), f"without any things: {plan}"
         return seconds
 
+    def blind_touches(self, seed: int) -> list[Touch]:
+        """Return what a plan touches that knows of none of the things."""
+        scene = make_scene(self.world, self.planner.ik, seed)
+        without_things(self.world, scene)
+        plan, _ = self.plan(self.planner, scene, self.cloud(seed))
+        assert not isinstance(plan, str), f"without any things: {plan}"
+        return TrueGeometry(self.world, make_scene(self.world, self.planner.ik, seed).block).check(plan)[2]
+
 
 @lru_cache(maxsize=1)
-def _bench() -> Bench:
+def bench() -> Bench:
+    """Return the process's own."""
     return Bench()
 
 
 def record_of(seed: int) -> dict[str, Any]:
     """Return one scene's record as plain values; in every fourth the free scene is planned in, too."""
-    return asdict(_bench().record(seed, seed % 4 == 0))
+    return asdict(bench().record(seed, seed % 4 == 0))
 
 
 def summary_of(records: list[dict[str, Any]]) -> dict[str, Any]:
     """Return counts, medians and extremes of many records; times in seconds of the processor, distances in m."""
     planned = [record for record in records if not record["refused"]]
     missed = [record for record in records if record["exists"]]
+    seen = [record for record in missed if record["seen"]]
     distances = [record["thing_distance"] for record in planned]
     free = [record["free_seconds"] for record in records if record["free_seconds"] is not None]
     words = Counter(re.sub(r"[-+]?\d+(\.\d+)?", "#", record["refused"]) for record in records if record["refused"])
@@ -129,7 +160,9 @@ def summary_of(records: list[dict[str, Any]]) -> dict[str, Any]:
         "planned": len(planned),
         "refused": dict(words),
         "refused_where_a_way_exists": [record["seed"] for record in missed],
+        "refused_where_a_way_is_seen": [record["seed"] for record in seen],
         "success": len(planned) / max(len(planned) + len(missed), 1),
+        "success_in_what_is_seen": len(planned) / max(len(planned) + len(seen), 1),
         "touches": [{"seed": record["seed"], **touch} for record in planned for touch in record["touches"]],
         "median_seconds": median(record["seconds"] for record in planned),
         "longest_seconds": max(record["seconds"] for record in records),

@@ -23,8 +23,9 @@ from sim_bridge.rendering.mounting import load_camera
 from sim_bridge.world import SimWorld
 
 HAND = load_preset().hand
+CAMERA = load_camera().camera_in_base
 GRASP_ROOM = 0.03  # around the open hand above pick and place, up to any height, in which nothing stands [m]
-ARM_ROOM = 0.03  # around the arm where it grasps and lets go, in one way of several at least [m]
+ARM_ROOM = 0.06  # around the arm where it grasps and lets go, in one way of several at least [m]
 START_ROOM = 0.06  # around the arm at its ready pose [m]
 APART = 0.01  # between two things [m]
 WAY = 0.2  # from pick to place at least [m]
@@ -166,7 +167,7 @@ def _near(world: SimWorld, body: int, other: int, room: float) -> bool:
 
 def _is_seen(world: SimWorld, at: PlanarPose) -> bool:
     """Return True if the camera sees the table's surface at a place, and the top of a block there."""
-    camera = load_camera().camera_in_base.translation.tolist()
+    camera = CAMERA.translation.tolist()
     ends = [
         [at.x + dx, at.y + dy, z]
         for dx in (-SEEN, 0.0, SEEN)

@@ -11,7 +11,7 @@ from multiprocessing import get_context
 from pathlib import Path
 
 import pytest
-from cluttered_plans import record_of, summary_of
+from cluttered_plans import bench, record_of, summary_of
 
 pytestmark = [pytest.mark.soak, pytest.mark.timeout(7200)]
 
@@ -32,3 +32,9 @@ def test_no_plan_touches_a_thing_and_a_way_that_exists_is_found() -> None:
     assert summary["planned"] >= SCENES / 2, "too few plans to say anything"
     assert not summary["touches"]
     assert summary["success"] >= SUCCESS
+
+
+def test_the_check_sees_what_plans_touch_that_know_of_nothing() -> None:
+    touches = [bench().blind_touches(seed) for seed in range(4)]
+    assert sum(bool(found) for found in touches) >= 2
+    assert all(touch.depth <= 0.0 and touch.first != touch.second for found in touches for touch in found)

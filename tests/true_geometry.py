@@ -22,7 +22,8 @@ from sim_bridge.world import SimWorld
 FloatArray = npt.NDArray[np.float64]
 
 PERIOD = 0.001  # of the arm's controller [s]
-FAR = 0.1  # distances are measured up to this [m]
+FAR = 0.2  # distances are measured up to this [m]
+AMPLE = 0.1  # and this is what matters of them [m]
 LEVER = 1.25  # no point of arm or load is farther from a joint's axis [m]
 TABLE = 0  # body of the world's slab
 # What may touch, and does not count:
@@ -67,7 +68,7 @@ class TrueGeometry:
         self.looked_at = 0
 
     def check(self, plan: PickPlacePlan) -> tuple[float, float, list[Touch]]:
-        """Return the least distance to things and that to the table [m], FAR at most, and all touches.
+        """Return the least distance to things and that to the table [m], AMPLE at most, and all touches.
 
         The block ends where the plan puts it.
         """
@@ -83,7 +84,7 @@ class TrueGeometry:
             _Part("leave", plan.leave, None, True),
             _Part("retreat", plan.retreat, None, False),
         )
-        nearest, touches = np.array([FAR, FAR]), list[Touch]()
+        nearest, touches = np.array([AMPLE, AMPLE]), list[Touch]()
         for part in parts:
             self._follow(part, nearest, touches)
         return float(nearest[0]), float(nearest[1]), touches
