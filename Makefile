@@ -51,7 +51,7 @@ demo: ready-to-simulate
 		$${DEMO_INSTRUCTION:+--instruction "$$DEMO_INSTRUCTION"} $${DEMO_CHECKPOINT:+--checkpoint "$$DEMO_CHECKPOINT"}
 
 test: ready-for-tests
-	@. ./env.sh && exec python -m pytest -n 2 --dist loadgroup --no-loadscope-reorder $(PYTEST_ARGS)
+	@. ./env.sh && exec python -m pytest -n 2 --no-loadscope-reorder $(PYTEST_ARGS)
 
 soak: ready-for-tests
 	@. ./env.sh && exec python -m pytest -m soak $(PYTEST_ARGS)
