@@ -36,7 +36,7 @@ def start(folder: Path, seconds: float) -> subprocess.Popen[str]:
 
 
 COMMANDS = """
-import subprocess, sys
+import signal, subprocess, sys
 from cliport_benchmark.parallel import run_parallel
 from cliport_benchmark.with_parent import command_with_parent
 
@@ -47,6 +47,7 @@ def work(item):
     subprocess.run(command_with_parent("sleeper", ["a word"]))
 
 if __name__ == "__main__":
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background jobs ignore it from the start
     list(run_parallel(work, [1, 2], 2, nothing))
 """
 SLEEPER = """
