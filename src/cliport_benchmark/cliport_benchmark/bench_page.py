@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 import rclpy
+from rclpy.executors import SingleThreadedExecutor
 from rosgraph_msgs.msg import Clock
 from websockets.exceptions import ConnectionClosed, WebSocketException
 from websockets.sync.client import ClientConnection, connect
@@ -80,7 +81,8 @@ class _SimulatedTime:
         self._context.init()
         self._node = rclpy.create_node("bench_page", context=self._context)
         self._node.create_subscription(Clock, topics.CLOCK, self._take, 100)  # type: ignore[arg-type]
-        self._spinner = SpinThread(self._node, lambda _: None, self._context)
+        executor = SingleThreadedExecutor(context=self._context)  # it tells callbacks when a message was written
+        self._spinner = SpinThread(self._node, lambda _: None, self._context, executor)
         deadline = time.monotonic() + _CLOCK_TIMEOUT_S
         while not self._said and time.monotonic() < deadline:
             time.sleep(0.05)

@@ -12,7 +12,7 @@ from typing import TypeVar
 import rclpy
 from rclpy.context import Context
 from rclpy.exceptions import ParameterException
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
@@ -91,9 +91,15 @@ class SpinThread:
     ends first.
     """
 
-    def __init__(self, node: Node, on_error: Fail, context: Context | None = None) -> None:
-        """Begin to spin. on_error: told, in the new thread, of a callback's exception, which ends the spinning."""
-        self._executor = NodeExecutor(context=context)  # what takes long has threads of its own
+    def __init__(
+        self, node: Node, on_error: Fail, context: Context | None = None, executor: Executor | None = None
+    ) -> None:
+        """Begin to spin.
+
+        on_error: told, in the new thread, of a callback's exception, which ends the spinning. executor: another than
+        the usual one, which hands no message info to callbacks and knows no guard conditions (rclpy 7.1).
+        """
+        self._executor = executor or NodeExecutor(context=context)  # what takes long has threads of its own
         self._executor.add_node(node)
         self._on_error = on_error
         self._stopping = threading.Event()
