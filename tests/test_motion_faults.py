@@ -12,8 +12,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
 from graph_probe import STILL, GraphProbe
+from hardware_times import ROOT, with_hardware_times
 from ros_domain import next_domain
 
 from cliport_benchmark.graph_process import GraphProcess
@@ -22,22 +22,11 @@ from panda_executor.model import PandaModel
 from panda_model import load_preset
 
 TASK = "put-blocks-in-bowls-seen-colors"
-ROOT = Path(__file__).resolve().parents[1]
 OUT = ROOT / "out" / "motion_faults.json"
 GUARD = 2.0  # s, after which a test gives up; the figures themselves are in the table
 JOINTS = list(load_preset().arm_joints)
 
 pytestmark = pytest.mark.soak
-
-
-def with_hardware_times(folder: Path) -> Path:
-    """Return a copy of sim.yaml without the longer times that it grants the simulator."""
-    settings = yaml.safe_load((ROOT / "src/cliport_bringup/config/sim.yaml").read_text())
-    del settings["/panda_executor"], settings["/panda_guard"]
-    del settings["/sim_bridge"]["ros__parameters"]["heartbeat_timeout"]
-    path = folder / "params.yaml"
-    path.write_text(yaml.safe_dump(settings))
-    return path
 
 
 @pytest.fixture

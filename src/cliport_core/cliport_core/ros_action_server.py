@@ -7,16 +7,44 @@ import threading
 from collections.abc import Callable
 from typing import Any
 
-from rclpy.action import ActionServer
+from rclpy.action import ActionServer, CancelResponse, GoalResponse
+from rclpy.action.server import default_cancel_callback, default_goal_callback
 from rclpy.exceptions import InvalidHandle
+from rclpy.node import Node
+
+Decide = Callable[[Any], Any]
 
 
 class ThreadedActionServer(ActionServer):  # type: ignore[type-arg,unused-ignore]
-    """Lets a node with long goals be spun by a SingleThreadedExecutor, which stays free to hear a cancel.
+    """Lets a node with long goals be spun by one thread, which stays free to hear a cancel.
 
     rclpy runs a goal inside the executor, so that only a MultiThreadedExecutor could hear one; that executor costs
     most of a core at a few dozen messages a second, and starves what it shares the machine with.
     """
+
+    def __init__(
+        self,
+        node: Node,
+        *args: Any,
+        goal_callback: Decide = default_goal_callback,
+        cancel_callback: Decide = default_cancel_callback,
+        **kwargs: Any,
+    ) -> None:
+        """Take rclpy's arguments. Where a callback fails, a goal is rejected or a cancel accepted; the log says so."""
+        self._log = node.get_logger()
+        goal = self._or(goal_callback, GoalResponse.REJECT)
+        cancel = self._or(cancel_callback, CancelResponse.ACCEPT)
+        super().__init__(node, *args, goal_callback=goal, cancel_callback=cancel, **kwargs)
+
+    def _or(self, decide: Decide, otherwise: Any) -> Decide:
+        def decided(asked: Any) -> Any:
+            try:
+                return decide(asked)
+            except Exception as error:  # rclpy 7.1's events executor would end in a segmentation fault
+                self._log.error(f"{otherwise.name} of a goal for {type(error).__name__}: {error}")
+                return otherwise
+
+        return decided
 
     def notify_execute(self, goal_handle: Any, execute_callback: Callable[[Any], Any] | None) -> None:
         """Run an accepted goal; called by rclpy."""

@@ -12,16 +12,12 @@ from typing import TypeVar
 import rclpy
 from rclpy.context import Context
 from rclpy.exceptions import ParameterException
-from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
+from rclpy.executors import Executor, ExternalShutdownException
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from cliport_core.errors import CoreError
-
-try:  # it takes a third of the CPU: it does not look at every entity again for each message
-    from rclpy.experimental.events_executor import EventsExecutor as NodeExecutor
-except ImportError:  # rclpy before 7.1.4
-    NodeExecutor = SingleThreadedExecutor
+from cliport_core.ros_executor import node_executor
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 CLOSING_S = 2.0
@@ -97,9 +93,9 @@ class SpinThread:
         """Begin to spin.
 
         on_error: told, in the new thread, of a callback's exception, which ends the spinning. executor: another than
-        the usual one, which hands no message info to callbacks and knows no guard conditions (rclpy 7.1).
+        `node_executor`.
         """
-        self._executor = executor or NodeExecutor(context=context)  # what takes long has threads of its own
+        self._executor = executor or node_executor(context)  # what takes long has threads of its own
         self._executor.add_node(node)
         self._on_error = on_error
         self._stopping = threading.Event()

@@ -43,7 +43,7 @@ class HeldExecutor:
 @pytest.fixture
 def executor(monkeypatch: pytest.MonkeyPatch) -> HeldExecutor:
     held = HeldExecutor()
-    monkeypatch.setattr(ros_running, "NodeExecutor", lambda context: held)
+    monkeypatch.setattr(ros_running, "node_executor", lambda context: held)
     return held
 
 

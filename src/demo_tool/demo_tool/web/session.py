@@ -70,15 +70,15 @@ class Sessions:
         answers: set[asyncio.Task[None]] = set()
         try:
             while True:
-                request = _request(await websocket.receive_text())
+                request = _request(await _received(websocket))
                 if request is None or (len(answers) >= MAX_PENDING_REQUESTS and request.command != STOP):
                     await _close(websocket, NOT_UNDERSTOOD)
                     return
                 task = asyncio.create_task(self._answer(websocket, page, request, shown))
                 answers.add(task)
                 task.add_done_callback(answers.discard)
-        except (WebSocketDisconnect, RuntimeError, KeyError):
-            pass  # RuntimeError: a failed send has closed it already; KeyError: a binary message
+        except WebSocketDisconnect:
+            return
         finally:
             push.cancel()
 
@@ -110,6 +110,14 @@ class Sessions:
             "may_take_over": self._holder.may_take_over(page, anyio.current_time()),
             "pages": len(self._open),
         }
+
+
+async def _received(websocket: WebSocket) -> str:
+    """Return the next text. Raises WebSocketDisconnect where there is none, or a binary message came."""
+    try:
+        return await websocket.receive_text()
+    except (RuntimeError, KeyError) as error:  # RuntimeError: a failed send has closed it already; KeyError: binary
+        raise WebSocketDisconnect from error
 
 
 def _request(text: str) -> Request | None:
