@@ -1,4 +1,4 @@
-"""What spins a node: rclpy's events executor where there is one, made to outlive the defects of callbacks."""
+"""Executor of a node: rclpy's events executor where there is one, made to outlive the defects of callbacks."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class KeepingExecutor(_EventsExecutor or object):  # type: ignore[misc]
     _failure: Exception | None = None
 
     def create_task(self, callback: Any, *args: Any, **kwargs: Any) -> Any:
-        """Have a function or a coroutine run in the thread that spins; return the Task."""
+        """Run a function or a coroutine in the thread that spins; return its Task."""
         if inspect.iscoroutine(callback):
             return super().create_task(callback)
         return super().create_task(self._run, callback, *args, **kwargs)

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import pytest
+from page_socket import ask, opened, until
 from station_fakes import BLOCKS, FakeArm
 from web_workplace import workplace
-from websockets.sync.client import ClientConnection, connect
 
 from cliport_core.action import ActionGoal
 from cliport_core.outcome import ActionResult, Outcome
@@ -145,29 +144,13 @@ def test_a_motion_is_limited_in_time_from_its_approval_on(waiting) -> None:
     assert "no answer to a cancel" in waiting.last
 
 
-def ask(page: ClientConnection, command: str, **arguments: object) -> dict:
-    page.send(json.dumps({"id": 1, "command": command, "arguments": arguments}))
-    while "id" not in (message := json.loads(page.recv(timeout=5))):
-        pass
-    return message
-
-
-def until(page: ClientConnection, key: str, value: object) -> None:
-    while json.loads(page.recv(timeout=5)).get("view", {}).get(key, ...) != value:
-        pass
-
-
 def test_who_watches_cannot_approve_or_recover(tmp_path: Path) -> None:
     with workplace(tmp_path, pace=0.01) as place:
         place.arm.waiting_plan = PLAN
 
-        def opened(name: str) -> ClientConnection:
-            address = f"ws://127.0.0.1:{place.port}/session?page={name}"
-            return connect(address, origin=place.url)  # type: ignore[arg-type]
-
         place.draw("pick", place.table.box_around(BLOCKS[0]))
         place.draw("place", place.table.box_at(0.5, -0.28))
-        with opened("holding-page") as first, opened("watching-page") as second:
+        with opened(place, "holding-page") as first, opened(place, "watching-page") as second:
             until(second, "holder", "other")
             assert ask(first, "execute")["ok"]
             until(second, "approval", {"plan": PLAN, "asked": False, "words": ""})

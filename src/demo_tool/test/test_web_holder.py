@@ -1,31 +1,14 @@
 """One page holds the arm, the others watch."""
 
-import json
 from pathlib import Path
 
-from web_workplace import Workplace, workplace
-from websockets.sync.client import ClientConnection, connect
+from page_socket import ask, opened, until
+from web_workplace import workplace
 
 from demo_tool.web.arm_holder import GONE_AFTER_S, IDLE_AFTER_S, ArmHolder, Standing
 from demo_tool.web.session import OPENED_AGAIN
 
 BOX = [100, 100, 140, 140]
-
-
-def opened(place: Workplace, name: str) -> ClientConnection:
-    return connect(f"ws://127.0.0.1:{place.port}/session?page={name}", origin=place.url)  # type: ignore[arg-type]
-
-
-def ask(page: ClientConnection, command: str, **arguments: object) -> dict:
-    page.send(json.dumps({"id": 1, "command": command, "arguments": arguments}))
-    while "id" not in (message := json.loads(page.recv(timeout=5))):
-        pass
-    return message
-
-
-def until(page: ClientConnection, key: str, value: object) -> None:
-    while json.loads(page.recv(timeout=5)).get("view", {}).get(key, ...) != value:
-        pass
 
 
 def test_the_first_page_holds_and_keeps_it_over_a_reload() -> None:

@@ -10,15 +10,12 @@ from types import SimpleNamespace
 
 import psutil
 import pytest
-from web_workplace import Workplace, workplace
-from websockets.sync.client import ClientConnection, connect
+from page_socket import opened
+from web_workplace import workplace
+from websockets.sync.client import ClientConnection
 
 from demo_tool.web.arm_holder import ArmHolder
 from demo_tool.web.session import Sessions
-
-
-def opened(place: Workplace, name: str = "only-page") -> ClientConnection:
-    return connect(f"ws://127.0.0.1:{place.port}/session?page={name}", origin=place.url)  # type: ignore[arg-type]
 
 
 def send(page: ClientConnection, number: int, command: str, **arguments: object) -> None:

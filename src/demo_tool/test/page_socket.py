@@ -1,0 +1,27 @@
+"""A page's connection to the server, as its script has it: commands out, answers and the view in."""
+
+from __future__ import annotations
+
+import json
+
+from web_workplace import Workplace
+from websockets.sync.client import ClientConnection, connect
+
+
+def opened(place: Workplace, name: str = "only-page") -> ClientConnection:
+    """Open the connection of a page of that name."""
+    return connect(f"ws://127.0.0.1:{place.port}/session?page={name}", origin=place.url)  # type: ignore[arg-type]
+
+
+def ask(page: ClientConnection, command: str, **arguments: object) -> dict:
+    """Send a command and return its answer."""
+    page.send(json.dumps({"id": 1, "command": command, "arguments": arguments}))
+    while "id" not in (message := json.loads(page.recv(timeout=5))):
+        pass
+    return message
+
+
+def until(page: ClientConnection, key: str, value: object) -> None:
+    """Wait until the view says so."""
+    while json.loads(page.recv(timeout=5)).get("view", {}).get(key, ...) != value:
+        pass
