@@ -254,25 +254,25 @@ def versions() -> dict[str, str]:
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Run the benchmarks; return 0 when all of them ran."""
+    """Run the benchmarks; return 0 when all of them ran, 1 when one failed, 130 when interrupted."""
     parser = CommandParser(prog="bench", description="Time the pieces on this machine.")
     parser.add_argument("--group", choices=sorted(BENCHES), help=f"one instead of all but {', '.join(ON_REQUEST)}")
     parser.add_argument("--out", default="out/bench.json")
     args = parser.parse_args(argv)
-    rows, failed = _measured(args.group)
+    rows, status = _measured(args.group)
     out = Path(args.out)
     out.parent.mkdir(parents=True, exist_ok=True)
     out.write_text(
         json.dumps({"machine": machine(), "versions": versions(), "rows": [asdict(r) for r in rows]}, indent=2) + "\n"
     )
     print(f"written to {out}")
-    return 1 if failed else 0
+    return status
 
 
-def _measured(group: str | None) -> tuple[list[Row], bool]:
-    """Return the rows of one group or of all, printed as they come, and whether a group ended early."""
+def _measured(group: str | None) -> tuple[list[Row], int]:
+    """Return the rows of one group or of all, printed as they come, and the exit status."""
     rows: list[Row] = []
-    failed = False
+    status = 0
     print(f"{'name':56}{'median':>10}{'min':>10}{'max':>10}  unit     n", flush=True)
     for name, bench in BENCHES.items():
         if name != group and (group or name in ON_REQUEST):
@@ -282,9 +282,12 @@ def _measured(group: str | None) -> tuple[list[Row], bool]:
                 rows.append(r)
                 print(f"{r.name:56}{r.median:10.2f}{r.min:10.2f}{r.max:10.2f}  {r.unit:5}{r.n:5}", flush=True)
         except BenchmarkError as error:
-            failed = True
+            status = 1
             print(f"error: {error}", file=sys.stderr)
-    return rows, failed
+        except KeyboardInterrupt:
+            print("error: interrupted", file=sys.stderr)
+            return rows, 130
+    return rows, status
 
 
 if __name__ == "__main__":

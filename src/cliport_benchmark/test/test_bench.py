@@ -32,6 +32,21 @@ def test_rows_that_were_measured_are_written(tmp_path: Path, monkeypatch: pytest
     assert [row["name"] for row in json.loads(out.read_text())["rows"]] == ["one", "half", "two"]
 
 
+def test_an_interrupt_writes_what_was_measured(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupted() -> Iterator[bench.Row]:
+        yield bench.row("half", [1.0], "ms")
+        raise KeyboardInterrupt
+
+    never = {"later": lambda: pytest.fail("it goes on")}
+    monkeypatch.setattr(bench, "BENCHES", {"first": interrupted, **never})
+    out = tmp_path / "bench.json"
+    assert bench.main(["--out", str(out)]) == 130
+    assert [row["name"] for row in json.loads(out.read_text())["rows"]] == ["half"]
+    assert capsys.readouterr().err == "error: interrupted\n"
+
+
 @pytest.mark.parametrize("algorithm", list(SearchAlgorithm))
 def test_searches_in_clutter_find_ways(algorithm: SearchAlgorithm) -> None:
     times, successes = search_times(algorithm, clutter_queries(1))
