@@ -45,16 +45,30 @@ def run(beside: Path, module: str, *arguments: str, status: tuple[int, ...] = (0
     return done.stdout
 
 
+def phases(said: str) -> list[str]:
+    return [line.split()[1] for line in said.splitlines() if line.startswith("== ")]
+
+
 @pytest.mark.timeout(1800)
 def test_an_added_task_is_generated_learnt_evaluated_and_listed(beside: Path, tmp_path: Path) -> None:
     options = f"--task {TASK} --n-demos 2 --steps 2 --keep-steps 2 --val-episodes 1 --test-episodes 1 --processes 2"
-    train = "--batch 2 --phrases 0"
-    run(beside, "cliport_benchmark.experiment_cli", *options.split(), "--train-options", train, "--out", str(tmp_path))
+    train = ["--train-options", "--batch 2 --phrases 0"]
+    experiment = ["cliport_benchmark.experiment_cli", *options.split(), *train, "--out", str(tmp_path)]
+    assert phases(run(beside, *experiment)) == ["generate", "train", "evaluate", "evaluate"]
     meta = read_json(tmp_path / "data" / TASK / "2" / "meta.json")
     assert meta["task"] == TASK and meta["stepwise"] is False
     folder = tmp_path / TASK / "compact" / "2-demos"
+    result = read_json(folder / "experiment.json")
+    assert result["chosen_step"] == 2 and set(result["val"]) == {"2"}
+    assert read_json(folder / "val" / "step-0000002.json")["split"] == "val"
     learnt = read_json(folder / "test" / f"{TASK}.json")
-    assert learnt["n_episodes"] == 1 and re.fullmatch(SENTENCE, learnt["episodes"][0]["instruction"])
+    assert learnt["split"] == "test" and learnt["n_episodes"] == 1
+    assert re.fullmatch(SENTENCE, learnt["episodes"][0]["instruction"])
+    assert result["test"][TASK]["mean_score"] == learnt["mean_score"]
+    assert TASK in (tmp_path / "experiments.md").read_text()
+    weights = (folder / "train" / "policy.safetensors").stat().st_mtime_ns
+    assert phases(run(beside, *experiment)) == ["generate"]  # which finds that all is there
+    assert (folder / "train" / "policy.safetensors").stat().st_mtime_ns == weights
 
     expert = tmp_path / "results" / "expert.json"
     evaluate = ["cliport_benchmark.evaluate_cli", "--task", TASK, "--split", "test"]
