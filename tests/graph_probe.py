@@ -15,12 +15,16 @@ from rcl_interfaces.srv import SetParameters
 from rclpy.action import ActionClient
 from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import JointState
+from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from cliport_benchmark.graph_client import GraphClient
+from cliport_core import topics
+from cliport_core.heartbeat import Heartbeat
 from cliport_interfaces.action import PickPlace
 
 STILL = 0.005  # rad/s: below this the arm counts as standing still
+_OWNER = "graph_probe"
 _KEPT = 5000  # joint states that are remembered, 100 s of the simulator's
 
 
@@ -32,12 +36,18 @@ class GraphProbe(GraphClient):
         self._history: deque[tuple[float, float]] = deque(maxlen=_KEPT)  # (wall time, fastest joint in rad/s)
         self._positions: dict[str, float] = {}
         self._node.create_subscription(JointState, "/joint_states", self._note_speed, qos_profile_sensor_data)
+        beats = self._node.create_publisher(String, topics.OWNER_HEARTBEAT, 10)
+        self._heart = Heartbeat(lambda: beats.publish(String(data=_OWNER)))
         self._pick_place = ActionClient(self._node, PickPlace, "/panda_executor/pick_place")
         self._parameters = self._node.create_client(SetParameters, "/sim_bridge/set_parameters")
         self._triggers = {
             name: self._node.create_client(Trigger, name)
             for name in ("/cliport/stop", "/cliport/resume", "/panda_executor/stop", "/panda_executor/resume")
         }
+
+    def __exit__(self, *error: object) -> None:
+        self._heart.stop()
+        super().__exit__(*error)
 
     def trigger(self, name: str) -> str:
         """Call one of the Trigger services; its message."""
@@ -52,7 +62,9 @@ class GraphProbe(GraphClient):
     def send_pick_place(self, pick: tuple[float, float], place: tuple[float, float], plan_only: bool = False) -> Any:
         """Send a goal at table height; the goal handle."""
         assert self._pick_place.wait_for_server(5.0)
-        goal = PickPlace.Goal(instruction="test", plan_only=plan_only, pick=_pose(*pick), place=_pose(*place))
+        goal = PickPlace.Goal(
+            instruction="test", plan_only=plan_only, pick=_pose(*pick), place=_pose(*place), owner=_OWNER
+        )
         goal.header.frame_id = "panda_link0"
         return self._answer_of(lambda: self._pick_place.send_goal_async(goal), 5.0)
 

@@ -55,7 +55,7 @@ class ActionGoal:
     instruction: the goal in words, for logs and viewers.
     stamp_ns: when the images were taken that the action was chosen on [ns, ROS time]; 0 where that is not known.
     plan_only: plan and check, but do not move.
-    owner: whose signs of life the motion needs; empty: nobody's.
+    owner: whose signs of life the motion needs; empty: nobody's, with which only plans are taken.
     """
 
     action: PickPlaceAction

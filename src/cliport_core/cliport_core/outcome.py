@@ -53,6 +53,7 @@ class Refusal(IntEnum):
     HAND_NOT_EMPTY = 10
     NOT_APPROVED = 11
     OWNER_SILENT = 12
+    NO_OWNER = 13
 
     @classmethod
     def from_number(cls, number: int) -> Refusal:

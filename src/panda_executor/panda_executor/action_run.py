@@ -14,13 +14,14 @@ from cliport_core.action import ActionGoal, Primitive
 from cliport_core.outcome import ActionResult, Outcome
 from cliport_core.workspace import WorkspaceSpec
 from panda_executor.config import AfterFailure
-from panda_executor.drag import plan_drag, renewed_drag
+from panda_executor.drag import DragPlan, plan_drag, renewed_drag
 from panda_executor.errors import ExecutorError, GraspError, PlanningError, RequestError
 from panda_executor.hand_geometry import HandShape
 from panda_executor.motions import Motion
-from panda_executor.object_moved import vacated_share
+from panda_executor.object_moved import moved_problem
 from panda_executor.obstacle_grid import ObstacleGrid
 from panda_executor.phase import Phase
+from panda_executor.place_change import place_problem
 from panda_executor.request_check import check_cloud, check_poses, check_positions, check_reach, check_table
 from panda_executor.run_commands import EarlyEnd, LoadLost, RunCommands
 from panda_executor.transfer import TransferPlanner
@@ -30,7 +31,7 @@ from panda_model.limits import FloatArray
 Cloud = npt.NDArray[np.float32]
 CloudSource = Callable[[], Cloud]
 Look = Callable[[], Cloud | None]  # the newest cloud, None where none came since the last one
-P = TypeVar("P")
+P = TypeVar("P", PickPlacePlan, DragPlan)
 Renew = Callable[[P, Cloud, WorkspaceSpec, FloatArray], P]  # checks a plan in a newer cloud, the arm at (7,) [rad]
 
 
@@ -175,21 +176,23 @@ class ActionRun:
         )
         self._centroid = plan.grasp.centroid
         duration = sum(motion.trajectory.duration for motion in plan.motions)
+        plan = self._approved(plan, self._planner.renewed)
         if self._goal.plan_only:
             return f"planned {len(plan.motions)} motions of {duration:.1f} s in all; nothing moved"
-        plan = self._approved(plan, self._planner.renewed)
         commands.move(plan.go_above)
-        self._look_again(plan)
+        self._look_at_object(plan)
         commands.enter(Phase.DESCEND)
         commands.move_fingers(plan.grasp.opening, self._config.open_force)
         commands.move(plan.descend)
         self._close(plan.carry.scene.hand)
         if commands.is_empty():
-            self._give_up_grasp(plan)
+            escape = Motion(Phase.RETREAT, plan.raise_up.trajectory, plan.descend.scene)
+            self._give_up(plan.grasp.opening, escape, "the fingers closed on nothing")
         commands.move(plan.raise_up)
         if commands.is_empty():
             self._give_up(self._config.hand.opening, None, "the object slipped out while it was raised")
         self._carry(plan.carry)
+        self._look_at_place(plan)
         self._carry(plan.lower)
         self._open(plan.placement.opening)
         commands.enter(Phase.RETREAT)
@@ -205,7 +208,7 @@ class ActionRun:
             RequestError: when it was not approved, or no fresh cloud comes.
             PlanningError: when it does not hold any more.
         """
-        if not self._commands.await_approval():
+        if not self._commands.offer(plan.motions):
             return plan
         self._cloud = self._cloud_source()
         check_cloud(self._cloud)
@@ -215,29 +218,31 @@ class ActionRun:
         except ExecutorError as error:
             raise PlanningError(f"the scene changed while the plan waited for its approval: {error}") from None
 
-    def _look_again(self, plan: PickPlacePlan) -> None:
+    def _look_at_object(self, plan: PickPlacePlan) -> None:
         """Go back where the object is seen to have left its place while the arm was under way."""
+        cloud = self._look()
+        problem = None if cloud is None else moved_problem(cloud, plan.grasp, self._config.moved_share)
+        if problem is not None:
+            self._give_up(self._config.hand.opening, None, f"while the arm was under way {problem}")
+
+    def _look_at_place(self, plan: PickPlacePlan) -> None:
+        """End the run above the place, the object still held, where it cannot be let go there any more."""
         cloud = self._look()
         if cloud is None:
             return
-        share = vacated_share(cloud, plan.grasp)
-        if share > self._config.moved_share:
-            self._give_up(
-                self._config.hand.opening,
-                None,
-                f"the object moved while the arm was under way: {100.0 * share:.0f} % of its place is empty "
-                f"(at most {100.0 * self._config.moved_share:.0f} %)",
-            )
+        problem = place_problem(plan, cloud, self._workspace, self._commands.positions(), self._planner.motions)
+        if problem is not None:
+            why = f"the place changed while the arm was under way: {problem}; what is held stays held"
+            raise EarlyEnd(Outcome.EXECUTION_FAILED, why, may_recover=True)
 
     def _drag(self, start: FloatArray) -> str:
         commands = self._commands
         commands.enter(Phase.GRASP_PLANNING)
         plan = plan_drag(self._planner, self._action, self._cloud, self._workspace, start, commands.should_stop)
         fold = self._action.primitive is Primitive.FOLD
-        name = self._action.primitive.label
-        if self._goal.plan_only:
-            return f"planned a {name}; nothing moved"
         plan = self._approved(plan, partial(renewed_drag, self._planner, self._action))
+        if self._goal.plan_only:
+            return f"planned a {self._action.primitive.label}; nothing moved"
         commands.move(plan.go_above)
         commands.enter(Phase.DESCEND)
         commands.move_fingers(plan.opening, self._config.open_force)
@@ -256,7 +261,7 @@ class ActionRun:
         commands.move(plan.leave)
         commands.move(plan.retreat)
         commands.enter(Phase.DONE)
-        return f"the {name} was carried out"
+        return f"the {self._action.primitive.label} was carried out"
 
     def _close(self, load: HandShape | None = None) -> None:
         self._commands.enter(Phase.CLOSE)
@@ -272,10 +277,6 @@ class ActionRun:
             self._commands.move(motion, watch_load=True, may_end_off=may_end_off)
         except LoadLost as loss:
             self._give_up(self._config.hand.opening, None, str(loss), Outcome.DROPPED)
-
-    def _give_up_grasp(self, plan: PickPlacePlan) -> None:
-        escape = Motion(Phase.RETREAT, plan.raise_up.trajectory, plan.descend.scene)
-        self._give_up(plan.grasp.opening, escape, "the fingers closed on nothing")
 
     def _give_up(
         self, opening: float, escape: Motion | None, why: str, outcome: Outcome = Outcome.GRASP_MISSED

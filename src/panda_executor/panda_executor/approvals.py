@@ -5,12 +5,19 @@ from __future__ import annotations
 import threading
 import time
 import uuid
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from cliport_core import topics
 from cliport_core.outcome import Refusal
 from panda_executor.errors import RequestError
+from panda_executor.motions import Motion
 from panda_executor.ports import ShouldStop
+
+Show = Callable[[str, Sequence[Motion]], None]
+
+
+def _nowhere(_: str, __: Sequence[Motion]) -> None:
+    """Show a plan to nobody."""
 
 
 def new_plan_id() -> str:
@@ -19,17 +26,23 @@ def new_plan_id() -> str:
 
 
 class Approvals:
-    """Holds one plan at a time until a person approves it; an approval is of that plan and of no other.
+    """Shows plans, and holds one at a time until a person approves it; an approval is of that plan and of no other.
 
     Args:
-        seconds: a plan waits for at most; clock: steady time [s].
+        seconds: a plan waits for at most; clock: steady time [s]; show: publishes the motions of the plan of that id.
     """
 
-    def __init__(self, seconds: float, clock: Callable[[], float] = time.monotonic) -> None:
-        self._seconds, self._clock = seconds, clock
+    def __init__(self, seconds: float, clock: Callable[[], float] = time.monotonic, show: Show = _nowhere) -> None:
+        self._seconds, self._clock, self._show = seconds, clock, show
         self._changed = threading.Condition()
         self._waiting = ""
         self._approved = ""
+
+    def present(self, motions: Sequence[Motion]) -> str:
+        """Show a plan to whoever wants to see it; return its id."""
+        plan_id = new_plan_id()
+        self._show(plan_id, motions)
+        return plan_id
 
     def offer(self, plan_id: str) -> None:
         """Let the plan of that id be approved from now on, in place of any other."""

@@ -42,6 +42,12 @@ class DragPlan:
     retreat: Motion
     opening: float  # of the fingers on the way down, and after a fold [m]
 
+    @property
+    def motions(self) -> tuple[Motion, ...]:
+        """All motions in the order in which they are executed when the fingers find something."""
+        lift = () if self.lift is None else (self.lift,)
+        return (self.go_above, self.descend, *lift, self.drag, self.leave, self.retreat)
+
 
 def broadside(action: PickPlaceAction) -> PickPlaceAction:
     """Return the action as it is carried out: a sweep's jaws stand in a line across its way, whatever yaw it names."""

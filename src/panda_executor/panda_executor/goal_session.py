@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any, TypeVar
 
@@ -11,16 +11,20 @@ import numpy as np
 import numpy.typing as npt
 from rclpy.action.server import ServerGoalHandle
 
+from cliport_core import topics
+from cliport_core.action import ActionGoal
 from cliport_core.errors import GoalError
 from cliport_core.messages import goal_from_msg, result_to_msg
 from cliport_core.outcome import ActionResult, Outcome, Refusal
+from cliport_core.raw_header import header_of_raw
 from cliport_interfaces.action import PickPlace
 from panda_executor import conversions
-from panda_executor.approvals import Approvals, new_plan_id
+from panda_executor.approvals import Approvals
 from panda_executor.camera_place import CameraPlace
 from panda_executor.cloud_cache import CloudCache
 from panda_executor.errors import RequestError
 from panda_executor.gate import Gate
+from panda_executor.motions import Motion
 from panda_executor.node_parameters import NodeParameters
 from panda_executor.owner_watch import OwnerWatch
 from panda_executor.phase import Phase
@@ -90,28 +94,31 @@ class GoalSession:
 
         plan_id = ""
 
+        departures: dict[Phase, int] = {}  # when each phase began
+
         def on_phase(phase: Phase, progress: float) -> None:
+            departures.setdefault(phase, self._now_ns())
             handle.publish_feedback(conversions.feedback_to_msg(phase, progress, plan_id))
 
-        def await_approval() -> bool:
+        def on_plan(motions: Sequence[Motion]) -> bool:
             nonlocal plan_id
-            plan_id = new_plan_id()
-            if self._parameters.require_approval:
+            plan_id = self._approvals.present(motions)
+            waits = self._parameters.require_approval and not message.plan_only
+            if waits:
                 self._approvals.offer(plan_id)
                 on_phase(Phase.APPROVAL, Phase.APPROVAL.progress())
                 self._approvals.wait(plan_id, should_stop)
-            return self._parameters.require_approval
+            return waits
 
         try:
             goal = goal_from_msg(message, frame)
         except GoalError as error:
             raise RequestError(str(error)) from None
-
-        planned_on: list[bytes] = []
+        self._check_owner(goal)
 
         def look() -> npt.NDArray[np.float32] | None:
             newest = self._clouds.newest(self._now_ns())
-            if newest is None or newest in planned_on:
+            if newest is None or header_of_raw(newest)[0] < max(departures.values(), default=0):
                 return None
             try:
                 return conversions.cloud_from_raw(newest, frame)
@@ -121,17 +128,22 @@ class GoalSession:
 
         def cloud() -> npt.NDArray[np.float32]:
             raw = self._fresh_cloud(goal.stamp_ns, should_stop)
-            planned_on.append(raw)
             # A cloud has come, so perception knows where the camera is: what says it is on its way to here, too.
             self._runner.planner.place_camera(self._patiently(self._camera.position, should_stop))
             return conversions.cloud_from_raw(raw, frame)
 
         try:
-            return self._runner.run(
-                goal, cloud, self._parameters.workspace, on_phase, should_stop, await_approval, look
-            )
+            return self._runner.run(goal, cloud, self._parameters.workspace, on_phase, should_stop, on_plan, look)
         finally:
             self._still_since_ns = self._now_ns()
+
+    def _check_owner(self, goal: ActionGoal) -> None:
+        if self._parameters.require_owner and not goal.owner and not goal.plan_only:
+            raise RequestError(
+                "the goal names no owner: its motion would go on if whoever asked for it died; name one and give its "
+                f"signs of life on {topics.OWNER_HEARTBEAT}, or start the executor with require_owner:=false",
+                Refusal.NO_OWNER,
+            )
 
     def _fresh_cloud(self, stamp_ns: int, should_stop: Callable[[], bool]) -> bytes:
         """Return the newest cloud; when it will not do, wait a moment for the next ones.

@@ -33,6 +33,7 @@ from panda_executor.joint_tracker import JointTracker
 from panda_executor.model import PandaModel
 from panda_executor.node_controllers import Controllers
 from panda_executor.node_parameters import NodeParameters, read_parameters
+from panda_executor.node_preview import PlanPreviews
 from panda_executor.node_services import PersonServices
 from panda_executor.owner_watch import OwnerWatch
 from panda_executor.runner import PickPlaceRunner
@@ -65,7 +66,8 @@ class ExecutorNode(Node):
         self._controllers = Controllers(self, parameters, self._joints, self.gate.note_motion, self._calls)
         self._runner = self._make_runner(parameters)
         self._owners = OwnerWatch(time.monotonic, parameters.owner_silence)
-        self._approvals = Approvals(parameters.approval_time)
+        previews = PlanPreviews(self, self._runner.planner.model, robot.base_frame)
+        self._approvals = Approvals(parameters.approval_time, show=previews.show)
         self._session = GoalSession(
             self._runner, self._clouds, self._camera, parameters, self.gate, self._now_ns, self._owners, self._approvals
         )

@@ -27,6 +27,8 @@ class NodeParameters:
     of the arm [m]; owner_silence: of a motion's owner, until the motion is stopped; work_silence: between two looks at
     a motion, until the heartbeat ends.
 
+    require_owner: whether a goal that moves must name who asks for it.
+
     robot_description: the user's own URDF, as a path or as XML; empty: the preset's.
     """
 
@@ -41,6 +43,7 @@ class NodeParameters:
     max_ahead: float
     require_approval: bool
     approval_time: float
+    require_owner: bool
     self_clearance: float
     watch: ArmWatch
     owner_silence: float
@@ -80,6 +83,7 @@ def read_parameters(node: Node) -> NodeParameters:
         cloud_wait=not_negative(get, "cloud_wait", 3.0),
         require_approval=bool(get("require_approval", False)),
         approval_time=positive(get, "approval_time", 30.0),
+        require_owner=bool(get("require_owner", True)),
         self_clearance=positive(get, "self_clearance", 0.03),
         max_ahead=not_negative(get, "max_ahead", 0.25),
         watch=_read_watch(get),

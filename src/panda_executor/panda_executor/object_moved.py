@@ -11,6 +11,14 @@ _GONE_BELOW = 0.5  # a cell whose highest point is lower than this share of the 
 _MIN_CELLS = 20  # of the object that must be seen; fewer prove nothing
 
 
+def moved_problem(cloud: npt.NDArray[np.float32], grasp: Grasp, limit: float) -> str | None:
+    """Return in words that more than the share `limit` of the object's seen cells is empty later on, or None."""
+    share = vacated_share(cloud, grasp)
+    if share <= limit:
+        return None
+    return f"the object moved: {100.0 * share:.0f} % of its place is empty (at most {100.0 * limit:.0f} %)"
+
+
 def vacated_share(cloud: npt.NDArray[np.float32], grasp: Grasp) -> float:
     """Return which share of the object's seen cells is empty in a later cloud (N, 3) [m, base frame], 0..1.
 

@@ -12,7 +12,7 @@ from panda_executor.reach_map import POOLED_CELLS, ReachMap, pooled, with_shadow
 from panda_model.limits import FloatArray
 
 BORDER = 0.1  # the grid reaches this far beyond the workspace: the hand is wider than its tcp [m]
-_EMPTY = -1.0  # height of a column in which nothing was seen [m]
+EMPTY = -1.0  # height of a column in which nothing was seen [m]
 _MIN_POINTS = 2  # a single point in a cell is a flying pixel at an edge, not an object
 
 
@@ -46,7 +46,7 @@ class ObstacleGrid:
         """Return a grid with nothing on the table."""
         rows = int(np.ceil((workspace.y_max - workspace.y_min + 2 * BORDER) / cell))
         cols = int(np.ceil((workspace.x_max - workspace.x_min + 2 * BORDER) / cell))
-        return cls(np.full((rows, cols), _EMPTY), workspace.x_min - BORDER, workspace.y_min - BORDER, cell)
+        return cls(np.full((rows, cols), EMPTY), workspace.x_min - BORDER, workspace.y_min - BORDER, cell)
 
     @classmethod
     def from_cloud(
@@ -71,9 +71,9 @@ class ObstacleGrid:
         index, z = row[inside] * cols + col[inside], points[inside, 2]
         seen = np.bincount(index, minlength=rows * cols) > 0
         index, z = index[z > floor], z[z > floor]
-        heights = np.full(rows * cols, _EMPTY)
+        heights = np.full(rows * cols, EMPTY)
         np.maximum.at(heights, index, z.astype(np.float64))
-        heights[np.bincount(index, minlength=rows * cols) < _MIN_POINTS] = _EMPTY
+        heights[np.bincount(index, minlength=rows * cols) < _MIN_POINTS] = EMPTY
         shape = rows, cols
         return cls(heights.reshape(shape), free.x_min, free.y_min, cell, seen.reshape(shape), camera)
 
@@ -84,7 +84,7 @@ class ObstacleGrid:
         col = np.floor((x - self.x_min) / self.cell).astype(np.int64)
         inside = (row >= 0) & (row < rows) & (col >= 0) & (col < cols)
         found = self.heights[np.where(inside, row, 0), np.where(inside, col, 0)]
-        return np.where(inside, found, _EMPTY)
+        return np.where(inside, found, EMPTY)
 
     def hits(self, points: FloatArray) -> npt.NDArray[np.bool_]:
         """Return a mask of the points (..., 3) [m, base frame] that lie inside a column."""
@@ -97,7 +97,7 @@ class ObstacleGrid:
         heights = self.heights.copy()
         row = np.floor((hit[:, 1] - self.y_min) / self.cell).astype(np.int64)
         col = np.floor((hit[:, 0] - self.x_min) / self.cell).astype(np.int64)
-        heights[row, col] = _EMPTY
+        heights[row, col] = EMPTY
         return replace(self, heights=heights)
 
     def without_near(self, centres: FloatArray, radii: FloatArray) -> ObstacleGrid:
@@ -108,7 +108,7 @@ class ObstacleGrid:
         for centre, radius in zip(centres, radii):
             square = radius**2 - (x - centre[0]) ** 2 - (y - centre[1]) ** 2
             underside = centre[2] - np.sqrt(np.maximum(square, 0.0))
-            heights[(square > 0.0) & (heights > underside)] = _EMPTY
+            heights[(square > 0.0) & (heights > underside)] = EMPTY
         return replace(self, heights=heights)
 
     def reach(self, radii: FloatArray, floor: float, shadows: bool) -> ReachMap:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from panda_executor.validation import validate_trajectory
 from panda_model.limits import FloatArray, JointLimits
 
 OnPhase = Callable[[Phase, float], None]
+OnPlan = Callable[[Sequence[Motion]], bool]
 
 _CLOSE_ENOUGH = 0.003  # the fingers need not close for less [m]
 _OPEN_ENOUGH = 0.0005  # nor open for less [m]
@@ -50,8 +51,8 @@ class RunCommands:
         on_phase: called with each phase as it begins and the overall progress 0..1.
         should_stop: polled all the time.
         hand: what is known of the hand's content; it outlives the run.
-        await_approval: returns once the plan may be executed, True where that took a person's time; raises
-            RequestError when it may not.
+        on_plan: told the motions of a plan; returns once it may be executed, True where that took a person's time;
+            raises RequestError when it may not.
     """
 
     def __init__(
@@ -63,9 +64,9 @@ class RunCommands:
         on_phase: OnPhase,
         should_stop: ShouldStop,
         hand: HandContent | None = None,
-        await_approval: Callable[[], bool] = lambda: False,
+        on_plan: OnPlan = lambda motions: False,
     ) -> None:
-        self._await_approval = await_approval
+        self._on_plan = on_plan
         self._hand = hand or HandContent(config.missed_width)
         self.moved = False
         self._share = 0.0  # of the whole action that is done
@@ -90,14 +91,14 @@ class RunCommands:
         """Return True if the fingers hold nothing."""
         return self._gripper.width() < self.config.missed_width
 
-    def await_approval(self) -> bool:
-        """Wait until the plan may be executed; return True if the scene may have changed meanwhile.
+    def offer(self, motions: Sequence[Motion]) -> bool:
+        """Show a plan and wait until it may be executed; return True if the scene may have changed meanwhile.
 
         Raises:
             RequestError: when nobody approved it in time.
             EarlyEnd: when a stop was asked for.
         """
-        waited = self._await_approval()
+        waited = self._on_plan(motions)
         self.check_stop()
         return waited
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 
 from cliport_core.action import ActionGoal, PickPlaceAction
@@ -15,7 +13,7 @@ from panda_executor.config import ExecutorConfig
 from panda_executor.hand_content import HandContent
 from panda_executor.model import PandaModel
 from panda_executor.ports import ArmPort, GripperPort, ShouldStop
-from panda_executor.run_commands import OnPhase, RunCommands
+from panda_executor.run_commands import OnPhase, OnPlan, RunCommands
 from panda_executor.transfer import TransferPlanner
 
 
@@ -50,7 +48,7 @@ class PickPlaceRunner:
         workspace: WorkspaceSpec,
         on_phase: OnPhase = lambda phase, progress: None,
         should_stop: ShouldStop = lambda: False,
-        await_approval: Callable[[], bool] = lambda: False,
+        on_plan: OnPlan = lambda motions: False,
         look: Look = lambda: None,
     ) -> ActionResult:
         """Run an action, or only plan it; never raises for what can go wrong on the way, the outcome says it.
@@ -60,12 +58,12 @@ class PickPlaceRunner:
                 once the request is known to be in order, and raises RequestError where there is none.
             on_phase: called with each phase as it begins and the overall progress 0..1.
             should_stop: polled all the time; once true, the arm holds, a held object stays held.
-            await_approval: called once the action is planned; returns when it may be executed, or raises RequestError.
+            on_plan: told the motions once they are planned; returns when they may be executed, or raises RequestError.
                 True: that took a person's time, and the plan is checked again in a fresh cloud.
             look: returns a cloud that came since the planned one, or None; asked for before the hand goes down.
         """
         source = cloud if callable(cloud) else lambda: cloud
-        commands = self._commands(on_phase, should_stop, await_approval)
+        commands = self._commands(on_phase, should_stop, on_plan)
         return ActionRun(self.planner, commands, goal, source, workspace, look).result()
 
     def go_ready(self, should_stop: ShouldStop = lambda: False, cloud: Cloud | None = None) -> ActionResult:
@@ -90,8 +88,8 @@ class PickPlaceRunner:
         return ActionRun(self.planner, commands, nothing, lambda: seen, WorkspaceSpec())
 
     def _commands(
-        self, on_phase: OnPhase, should_stop: ShouldStop, await_approval: Callable[[], bool] = lambda: False
+        self, on_phase: OnPhase, should_stop: ShouldStop, on_plan: OnPlan = lambda motions: False
     ) -> RunCommands:
         return RunCommands(
-            self._arm, self._gripper, self.config, self._limits, on_phase, should_stop, self._hand, await_approval
+            self._arm, self._gripper, self.config, self._limits, on_phase, should_stop, self._hand, on_plan
         )

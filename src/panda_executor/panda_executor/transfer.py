@@ -21,7 +21,7 @@ from panda_executor.hand_geometry import HandShape
 from panda_executor.ik import HandDownIk, hand_down_pose
 from panda_executor.model import PandaModel
 from panda_executor.motions import Motion, MotionBuilder
-from panda_executor.object_moved import vacated_share
+from panda_executor.object_moved import moved_problem
 from panda_executor.obstacle_grid import ObstacleGrid
 from panda_executor.phase import Phase
 from panda_executor.ports import ShouldStop
@@ -195,9 +195,9 @@ class TransferPlanner:
             PlanningError: when the object moved.
             TrajectoryError: when a motion does not pass any more.
         """
-        share = vacated_share(cloud, plan.grasp)
-        if share > self.config.moved_share:
-            raise PlanningError(f"the object moved: {100.0 * share:.0f} % of its place is empty")
+        moved = moved_problem(cloud, plan.grasp, self.config.moved_share)
+        if moved is not None:
+            raise PlanningError(moved)
         around = self.surroundings(cloud, workspace, start)
         grid = self._columns(around, workspace, start)
         rest_grid = self._rest_grid(around, plan.grasp, workspace, start)

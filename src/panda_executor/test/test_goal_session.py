@@ -12,7 +12,7 @@ from ros_clouds import raw_cloud
 
 from cliport_core.action import ActionGoal, PickPlaceAction
 from cliport_core.messages import goal_to_msg, result_from_msg
-from cliport_core.outcome import ActionResult, Outcome
+from cliport_core.outcome import ActionResult, Outcome, Refusal
 from cliport_core.pose import PlanarPose, Pose
 from cliport_core.workspace import WorkspaceSpec
 from panda_executor.approvals import Approvals
@@ -23,10 +23,11 @@ from panda_executor.config import ExecutorConfig
 from panda_executor.gate import Gate
 from panda_executor.goal_session import GoalSession
 from panda_executor.node_parameters import NodeParameters
+from panda_executor.phase import Phase
 from panda_model import load_preset
 
 S = 1_000_000_000
-GOAL = ActionGoal(PickPlaceAction(PlanarPose(0.45, 0.1, 0.3), PlanarPose(0.5, -0.2, 0.3)))
+GOAL = ActionGoal(PickPlaceAction(PlanarPose(0.45, 0.1, 0.3), PlanarPose(0.5, -0.2, 0.3)), owner="tester")
 LOGGER = logging.getLogger("test")
 
 
@@ -61,7 +62,7 @@ class Session:
         parameters = NodeParameters(
             load_preset("panda"), "", ExecutorConfig(), WorkspaceSpec(),
             max_cloud_age=2.0, max_joint_age=0.5, cloud_behind=0.0, cloud_wait=0.0, max_ahead=0.25,
-            require_approval=False, approval_time=30.0, self_clearance=0.03, watch=ArmWatch(),
+            require_approval=False, approval_time=30.0, require_owner=True, self_clearance=0.03, watch=ArmWatch(),
             owner_silence=0.3, work_silence=0.25,
         )  # fmt: skip
         camera = CameraPlace("panda_link0")
@@ -78,7 +79,8 @@ class Session:
     ) -> ActionResult:
         """The runner."""
         cloud()
-        approve()
+        approve([])
+        self.on_phase, self.look = on_phase, look
         return ActionResult(self.act(should_stop), "the runner's words")
 
     def place_camera(self, position: Any) -> None:
@@ -124,6 +126,41 @@ def test_a_plan_that_needs_no_approval_takes_none(session: Session) -> None:
     session.act = approve
     session.see(10.0)
     assert session.ask()[0].outcome is Outcome.SUCCEEDED
+
+
+def test_only_a_cloud_from_after_the_departure_is_looked_at(session: Session) -> None:
+    looked: list[bool] = []
+
+    def act(_: Callable[[], bool]) -> Outcome:
+        for phase, stamp in ((Phase.GO_ABOVE_PICK, 12.0), (Phase.CARRY, 14.0)):
+            session.now = stamp
+            session.on_phase(phase, 0.1)
+            session.see(stamp - 0.1)
+            session.now = stamp + 0.5
+            session.on_phase(phase, 0.2)
+            looked.append(session.look() is not None)
+            session.see(stamp + 0.1)
+            looked.append(session.look() is not None)
+        return Outcome.SUCCEEDED
+
+    session.act = act
+    session.see(10.0)
+    assert session.ask()[0].outcome is Outcome.SUCCEEDED
+    assert looked == [False, True, False, True]
+
+
+def test_a_motion_that_nobody_owns_is_refused(session: Session) -> None:
+    session.see(10.0)
+    unowned = Handle()
+    unowned.request.owner = ""
+    session.act = lambda _: pytest.fail("the runner was asked")
+    refused, _ = session.ask(unowned)
+    assert (refused.outcome, refused.refusal) == (Outcome.REJECTED, Refusal.NO_OWNER)
+    assert "/cliport/owner_heartbeat" in refused.message
+    session.act = lambda _: Outcome.PLANNED
+    only_planned = Handle()
+    only_planned.request.owner, only_planned.request.plan_only = "", True
+    assert session.ask(only_planned)[0].outcome is Outcome.PLANNED
 
 
 def test_a_motion_that_failed_counts_as_one(session: Session) -> None:

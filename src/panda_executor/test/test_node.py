@@ -9,6 +9,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -22,10 +23,12 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.task import Future
 from ros_clouds import raw_cloud
 from ros_domain import next_domain
-from sensor_msgs.msg import CameraInfo, JointState, PointCloud2
+from sensor_msgs.msg import CameraInfo, Image, JointState, PointCloud2
 from std_srvs.srv import Trigger
 from synthetic_clouds import CAMERA
 from tf2_msgs.msg import TFMessage
+from trajectory_msgs.msg import JointTrajectory
+from visualization_msgs.msg import MarkerArray
 
 from cliport_core.action import ActionGoal, PickPlaceAction
 from cliport_core.messages import goal_to_msg, pose_to_transform_msg, result_from_msg, stamp_to_msg
@@ -81,6 +84,10 @@ class Graph:
         self.joints = self.node.create_publisher(JointState, "/joint_states", 5)
         self.infos = self.node.create_publisher(CameraInfo, "/camera/color/camera_info", 5)
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        self.previews: dict[str, Any] = {}
+        for name, kind in (("trajectory", JointTrajectory), ("markers", MarkerArray), ("picture", Image)):
+            take = partial(self.previews.__setitem__, name)
+            self.node.create_subscription(kind, f"/panda_executor/preview/{name}", take, latched)
         self.transforms = self.node.create_publisher(TFMessage, "/tf_static", latched)
 
     def until(self, done: Callable[[], bool], timeout_s: float = 15.0) -> bool:
@@ -137,7 +144,7 @@ def graph() -> Iterator[Graph]:
 
 @pytest.fixture
 def process() -> Iterator[subprocess.Popen[str]]:
-    process = start_executor("cloud_wait:=0.3", "max_joint_age:=60.0", "max_cloud_age:=60.0")
+    process = start_executor("require_owner:=false", "cloud_wait:=0.3", "max_joint_age:=60.0", "max_cloud_age:=60.0")
     yield process
     if process.poll() is None:
         process.kill()
@@ -168,6 +175,9 @@ def test_goals_without_an_arm(graph: Graph, process: subprocess.Popen[str], tabl
     graph.publish(table_cloud)
     time.sleep(0.3)
     ends(replace(GOAL, plan_only=True), Outcome.PLANNED, "planned 7 motions")
+    assert graph.until(lambda: set(graph.previews) == {"trajectory", "markers", "picture"})
+    named = graph.previews["trajectory"].header.frame_id
+    assert named.startswith("plan ") and named == graph.previews["markers"].markers[-1].text
     graph.publish(table_cloud)
     time.sleep(0.3)
     ends(GOAL, Outcome.EXECUTION_FAILED, "no action server at /panda_arm_controller")

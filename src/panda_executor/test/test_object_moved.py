@@ -55,5 +55,5 @@ def test_an_object_that_moved_is_looked_for_anew(planner: TransferPlanner, shift
     assert result.outcome is outcome, result.message
     np.testing.assert_allclose(arm.positions, load_preset().ready, atol=1e-6)
     if outcome is Outcome.GRASP_MISSED:
-        assert "moved while the arm was under way" in result.message
+        assert "while the arm was under way the object moved" in result.message
         assert len(arm.sent) == 2, "the hand went down"

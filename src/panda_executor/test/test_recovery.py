@@ -255,10 +255,10 @@ def test_a_stop_ends_the_wait_for_an_approval() -> None:
 def test_a_plan_that_nobody_approves_moves_nothing(planner: TransferPlanner, table_cloud: np.ndarray) -> None:
     bench = Bench(planner, table_cloud, AfterFailure.KEEP)
 
-    def refuse() -> bool:
+    def refuse(_: object) -> bool:
         raise RequestError("not approved", Refusal.NOT_APPROVED)
 
-    result = bench.runner.run(GOAL, table_cloud, WorkspaceSpec(), await_approval=refuse)
+    result = bench.runner.run(GOAL, table_cloud, WorkspaceSpec(), on_plan=refuse)
     assert (result.outcome, result.refusal) == (Outcome.REJECTED, Refusal.NOT_APPROVED)
     assert bench.arm.sent == [] and bench.gripper.moves == []
 

@@ -31,7 +31,7 @@ def approved(planner: TransferPlanner, action: PickPlaceAction, before: np.ndarr
     arm, gripper = FakeArm(), FakeGripper(opening=0.02)
     clouds = iter([before, after])
     runner = PickPlaceRunner(planner.model, planner, arm, gripper)
-    result = runner.run(ActionGoal(action), lambda: next(clouds), WorkspaceSpec(), await_approval=lambda: True)
+    result = runner.run(ActionGoal(action), lambda: next(clouds), WorkspaceSpec(), on_plan=lambda motions: True)
     assert bool(arm.sent) is result.outcome.is_success
     assert next(clouds, None) is None, "nobody looked again"
     return result
@@ -73,7 +73,7 @@ def test_a_camera_that_stopped_meanwhile_moves_nothing(planner: TransferPlanner)
         raise RequestError("the point cloud is 9.0 s old", Refusal.OLD_CLOUD)
 
     runner = PickPlaceRunner(planner.model, planner, arm, FakeGripper(opening=0.02))
-    result = runner.run(ActionGoal(PICK_PLACE), cloud, WorkspaceSpec(), await_approval=lambda: True)
+    result = runner.run(ActionGoal(PICK_PLACE), cloud, WorkspaceSpec(), on_plan=lambda motions: True)
     assert (result.outcome, result.refusal, arm.sent) == (Outcome.REJECTED, Refusal.OLD_CLOUD, [])
 
 

@@ -1,0 +1,79 @@
+"""What a later cloud shows to have changed at a place while the arm was on its way to it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+from scipy import ndimage
+
+from cliport_core.workspace import WorkspaceSpec
+from panda_executor.errors import TrajectoryError
+from panda_executor.motions import MotionBuilder
+from panda_executor.obstacle_grid import EMPTY, ObstacleGrid
+from panda_executor.transfer_attempts import PickPlacePlan
+from panda_model.limits import FloatArray
+
+_BELOW_LOAD = 0.02  # what lies so far below what is held is neither hand nor load [m]
+_TOLERANCE = 0.01  # what rose or moved by less stands where it stood [m]
+_SUNK = 0.015  # a cell that is lower by this much does not support any more [m]
+_MIN_CELLS = 8  # of the support that must be seen; fewer prove nothing
+
+
+def place_problem(
+    plan: PickPlacePlan,
+    cloud: npt.NDArray[np.float32],
+    workspace: WorkspaceSpec,
+    positions: FloatArray,
+    motions: MotionBuilder,
+) -> str | None:
+    """Return why the plan's release does not hold among what a later cloud shows, or None where it does.
+
+    The arm stands above the place at `positions` (7,) [rad] with what it holds; cloud: (N, 3) [m, base frame]. Only
+    what lies lower than all of that counts, and only where it is seen: the hand hides much of the place.
+    """
+    scene = motions.config.scene
+    rotation, translation = motions.model.tcp_arrays(positions)
+    held = plan.lower.scene.hand
+    limit = float((held.points @ rotation[2]).min() + translation[2]) - _BELOW_LOAD
+    low = cloud[cloud[:, 2] < limit]  # NaN compares false
+    seen = ObstacleGrid.from_cloud(low, workspace, scene.table_z + scene.floor, scene.grid_cell)
+    risen = _risen(plan.go_above.scene.grid, seen)
+    if risen.highest > 0.0:
+        try:
+            motions.among(plan.lower, risen)
+            motions.among(plan.leave, risen)
+        except TrajectoryError as error:
+            return f"something came there: {error}"
+    share = _sunk_share(plan, seen, motions)
+    if share > motions.config.moved_share:
+        return f"{100.0 * share:.0f} % of what was to carry the object is gone"
+    return None
+
+
+def _risen(before: ObstacleGrid, now: ObstacleGrid) -> ObstacleGrid:
+    """Return the columns that are new or higher, but for those that may have been a little beside before."""
+    reach = int(np.ceil(_TOLERANCE / before.cell))
+    around = ndimage.maximum_filter(before.heights, size=2 * reach + 1)
+    new = now.heights > np.maximum(around, 0.0) + _TOLERANCE
+    return replace(now, heights=np.where(new, now.heights, EMPTY), seen=None, camera=None)
+
+
+def _sunk_share(plan: PickPlacePlan, now: ObstacleGrid, motions: MotionBuilder) -> float:
+    """Return which share of the cells that were to carry the object is seen to be lower now, 0..1."""
+    held, before = plan.lower.scene.hand.held, plan.lower.scene.grid
+    if held is None or now.seen is None:
+        return 0.0
+    rotation, translation = motions.model.tcp_arrays(plan.lower.trajectory.positions[-1])
+    under = held.cells @ rotation[:2, :2].T + translation[:2]
+    col = np.floor((under[:, 0] - now.x_min) / now.cell).astype(np.int64)
+    row = np.floor((under[:, 1] - now.y_min) / now.cell).astype(np.int64)
+    rows, cols = now.heights.shape
+    inside = (row >= 0) & (row < rows) & (col >= 0) & (col < cols)
+    row, col = np.unique(np.stack([row[inside], col[inside]]), axis=1)
+    old, new = before.heights[row, col], np.maximum(now.heights[row, col], motions.config.scene.table_z)
+    carrying = (old > plan.placement.support_z - _TOLERANCE) & now.seen[row, col]
+    if int(carrying.sum()) < _MIN_CELLS:
+        return 0.0
+    return float((new[carrying] < old[carrying] - _SUNK).mean())
