@@ -187,8 +187,8 @@ def test_every_trajectory_sent_is_valid_when_checked_again(running: Running, pro
 
 
 def test_killing_the_executor_stops_the_arm_and_is_said(tmp_path: Path) -> None:
-    """In a graph of its own, with the watch times of hardware: the simulator's are longer than a motion."""
-    with graph_in(tmp_path, params=str(with_hardware_times(tmp_path))) as (graph, probe, log):
+    """In a graph of its own, watched with the times of hardware: the simulator's are longer than a motion."""
+    with graph_in(tmp_path, params=str(with_hardware_times(tmp_path, patient=True))) as (graph, probe, log):
         sentence = probe.reset(TASK, "test", 3)
         time.sleep(0.5)
         probe.instruct(sentence)

@@ -54,12 +54,8 @@ def start_executor(*parameters: str) -> subprocess.Popen[str]:
 @pytest.mark.parametrize(
     ("parameter", "words"),
     [
-        ("robot:=pr2", "unknown robot 'pr2'; known are fr3, panda"),
         ("robot_description:=/nowhere/arm.urdf", "cannot read the robot description /nowhere/arm.urdf"),
-        ("velocity_scaling:=1.5", "velocity_scaling must be in (0, 1], got 1.5"),
         ("grip_force:=soft", "grip_force"),
-        ("search:=prm", "unknown search 'prm'; known are rrt_star, rrt_connect"),
-        ("workspace:=/nowhere/workspace.yaml", "/nowhere/workspace.yaml"),
     ],
 )
 def test_bad_parameters_end_in_one_line(parameter: str, words: str) -> None:

@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from cliport_core.errors import CoreError
 from panda_executor.config import AfterFailure, SearchAlgorithm
 from panda_executor.errors import ExecutorError
 from panda_executor.node_parameters import NodeParameters, read_parameters
@@ -51,11 +52,24 @@ def test_what_is_not_finite_is_refused(name: str, value: float) -> None:
         ("cloud_wait", -0.1, "cloud_wait must not be negative, got -0.1"),
         ("moved_share", 1.5, r"moved_share must be in \(0, 1\], got 1.5"),
         ("after_failure", "hide", "unknown after_failure 'hide'; known are stay, keep, open"),
+        ("velocity_scaling", 1.5, r"velocity_scaling must be in \(0, 1\], got 1.5"),
         ("search", "prm", "unknown search 'prm'; known are rrt_star, rrt_connect"),
     ],
 )
 def test_what_is_out_of_range_is_named(name: str, value: Any, words: str) -> None:
     with pytest.raises(ExecutorError, match=words):
+        read(**{name: value})
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "words"),
+    [
+        ("robot", "pr2", "unknown robot 'pr2'; known are fr3, panda"),
+        ("workspace", "/nowhere/workspace.yaml", "/nowhere/workspace.yaml"),
+    ],
+)
+def test_a_file_that_is_not_there_is_named(name: str, value: str, words: str) -> None:
+    with pytest.raises(CoreError, match=words):
         read(**{name: value})
 
 
