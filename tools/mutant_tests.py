@@ -11,7 +11,7 @@ from pathlib import Path
 from cosmic_ray.work_item import MutationSpec
 from coverage import CoverageData
 
-PYTEST = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider"]
+PYTEST = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-p", "no:rerunfailures"]
 TIMEOUT = (30.0, 4.0)  # of a mutant's tests: seconds, and times what they took without one
 DEFINITIONS = "/test_values.py"  # tests that look at what modules define, without running a line of it
 DURATION = re.compile(r"^ *([\d.]+)s (?:call|setup|teardown) +(.+)$", re.MULTILINE)
