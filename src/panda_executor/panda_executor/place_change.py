@@ -1,4 +1,4 @@
-"""What a later cloud shows to have changed at a place while the arm was on its way to it."""
+"""Changes at a place that a later cloud shows, while the arm was on its way to it."""
 
 from __future__ import annotations
 

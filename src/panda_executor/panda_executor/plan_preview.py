@@ -1,4 +1,4 @@
-"""What a plan will do, for people to look at before they approve it."""
+"""A plan's motions, drawn for people who are to approve it."""
 
 from __future__ import annotations
 
