@@ -78,7 +78,8 @@ def picture(grid: ObstacleGrid, ways: Sequence[PreviewPath]) -> npt.NDArray[np.u
     """
     shade = np.clip(np.maximum(grid.heights, 0.0) / _TALL, 0.0, 1.0)
     grey = (40.0 + 200.0 * np.sqrt(shade)).astype(np.uint8)
-    big = np.ascontiguousarray(np.kron(np.repeat(grey[..., None], 3, axis=2), np.ones((_PIXELS, _PIXELS, 1), np.uint8)))
+    big = np.repeat(np.repeat(grey, _PIXELS, axis=0), _PIXELS, axis=1)
+    big = np.ascontiguousarray(np.stack([big] * 3, axis=-1))
     scale = _PIXELS / grid.cell
     for way in ways:
         line = np.round((way.positions[:, :2] - (grid.x_min, grid.y_min)) * scale).astype(np.int32)
