@@ -28,6 +28,7 @@ class ArmCover:
     centres: FloatArray
     radii: FloatArray
     _groups: list[tuple[int, IntArray, FloatArray]] = field(init=False, repr=False)  # joint, its spheres, their centres
+    _group_of: IntArray = field(init=False, repr=False)  # (N,) of each sphere
 
     @classmethod
     def of_links(cls, model: pin.Model, geometry: pin.GeometryModel, links: tuple[str, ...]) -> ArmCover:
@@ -50,6 +51,10 @@ class ArmCover:
     def __post_init__(self) -> None:
         groups = [(int(joint), np.flatnonzero(self.joints == joint)) for joint in np.unique(self.joints)]
         object.__setattr__(self, "_groups", [(joint, index, self.centres[index]) for joint, index in groups])
+        group_of = np.zeros(len(self.joints), dtype=np.int64)
+        for number, (_, index) in enumerate(groups):
+            group_of[index] = number
+        object.__setattr__(self, "_group_of", group_of)
 
     def placed(self, data: pin.Data) -> FloatArray:
         """Return the centres (N, 3) [m, base frame] for the joint placements that `data` holds."""
@@ -61,12 +66,11 @@ class ArmCover:
 
     def lowest(self, data: pin.Data) -> float:
         """Return the height [m, base frame] below which no sphere reaches, for the same placements."""
-        lowest = np.inf
-        for joint, index, local in self._groups:
-            placement = data.oMi[joint]
-            heights = local @ placement.rotation[2] + placement.translation[2] - self.radii[index]
-            lowest = min(lowest, float(heights.min()))
-        return lowest
+        placements = [data.oMi[joint] for joint, _, _ in self._groups]
+        upward = np.array([placement.rotation[2] for placement in placements])[self._group_of]
+        heights = np.array([placement.translation[2] for placement in placements])[self._group_of]
+        heights += np.einsum("ij,ij->i", self.centres, upward) - self.radii
+        return float(heights.min(initial=np.inf))
 
 
 def _hull_surface(vertices: FloatArray) -> FloatArray:

@@ -6,6 +6,7 @@ Everything is in the tcp frame: z forward (out of the hand), y the direction in 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import lru_cache
 
 import numpy as np
 
@@ -94,31 +95,42 @@ class HandShape:
     load: FloatArray = field(init=False, repr=False, compare=False)  # (M, 3) of what is held alone, coarser
 
     def __post_init__(self) -> None:
-        parts = [box.grown(self.margin).surface() for box in self.boxes()]
+        points = _hand_surface(self.hand, self.width, self.margin)
         if self.held is not None:
-            parts.append(self.held.surface(self.hand.palm_above_tcp, self.margin))
-        points = np.unique(np.round(np.concatenate(parts), 5), axis=0)
-        points.flags.writeable = False
+            points = np.concatenate([points, self.held.surface(self.hand.palm_above_tcp, self.margin)])
+            points.flags.writeable = False
         object.__setattr__(self, "points", points)
         object.__setattr__(self, "load", np.empty((0, 3)) if self.held is None else self.held.outline(self.hand))
 
     def boxes(self) -> list[Box]:
         """Return palm, flange, finger mounts and fingers."""
-        hand = self.hand
-        inner = (hand.opening if self.width is None else self.width) / 2.0
-        outer = inner + hand.finger_thickness
-        palm, flange, top = -hand.palm_above_tcp, hand.flange_half_width, -hand.tcp_from_hand
-        boxes = [
-            Box(
-                (-hand.palm_half_width, -hand.palm_half_length, top - hand.housing_top),
-                (hand.palm_half_width, hand.palm_half_length, palm),
-            ),
-            Box((-flange, -flange, top - hand.flange_length), (flange, flange, top)),
-        ]
-        for sign in (-1.0, 1.0):
-            finger = sorted((sign * inner, sign * outer))
-            mount = sorted((sign * inner, sign * (inner + hand.mount_thickness)))
-            x = hand.finger_half_width
-            boxes.append(Box((-x, finger[0], palm), (x, finger[1], hand.fingertip_below_tcp)))
-            boxes.append(Box((-x, mount[0], palm), (x, mount[1], -hand.mount_above_tcp)))
-        return boxes
+        return _boxes(self.hand, self.width)
+
+
+def _boxes(hand: HandModel, width: float | None) -> list[Box]:
+    inner = (hand.opening if width is None else width) / 2.0
+    outer = inner + hand.finger_thickness
+    palm, flange, top = -hand.palm_above_tcp, hand.flange_half_width, -hand.tcp_from_hand
+    boxes = [
+        Box(
+            (-hand.palm_half_width, -hand.palm_half_length, top - hand.housing_top),
+            (hand.palm_half_width, hand.palm_half_length, palm),
+        ),
+        Box((-flange, -flange, top - hand.flange_length), (flange, flange, top)),
+    ]
+    for sign in (-1.0, 1.0):
+        finger = sorted((sign * inner, sign * outer))
+        mount = sorted((sign * inner, sign * (inner + hand.mount_thickness)))
+        x = hand.finger_half_width
+        boxes.append(Box((-x, finger[0], palm), (x, finger[1], hand.fingertip_below_tcp)))
+        boxes.append(Box((-x, mount[0], palm), (x, mount[1], -hand.mount_above_tcp)))
+    return boxes
+
+
+@lru_cache(maxsize=64)
+def _hand_surface(hand: HandModel, width: float | None, margin: float) -> FloatArray:
+    """Return points (N, 3) [m, tcp frame] of the hand's surface; plans come back to a few openings and margins."""
+    points = np.concatenate([box.grown(margin).surface() for box in _boxes(hand, width)])
+    points = np.unique(np.round(points, 5), axis=0)
+    points.flags.writeable = False
+    return points

@@ -17,7 +17,7 @@ from panda_executor.hand_geometry import HandShape
 from panda_executor.ik import HandDownIk
 from panda_executor.model import PandaModel
 from panda_executor.obstacle_grid import ObstacleGrid
-from panda_executor.path_search import find_path
+from panda_executor.path_search import find_path, line_is_free
 from panda_executor.phase import Phase
 from panda_executor.scene import Scene
 from panda_executor.timing import time_path
@@ -27,6 +27,7 @@ from panda_model.limits import FloatArray, JointLimits
 
 _CARTESIAN_STEP = 0.01  # between two solved poses on a straight line [m]
 _TURN_STEP = 0.1  # [rad]
+_GLANCE = 0.3  # between two configurations of a line at which a first look is taken [rad]
 _BRANCH_CHANGE = 0.35  # a joint that moves more between two solved poses has left its branch [rad]
 
 
@@ -61,6 +62,9 @@ class MotionBuilder:
         Raises:
             PlanningError: when there is no way, or none that holds when it is checked as a whole.
         """
+        straight = self._straight_in_joints(phase, start, goal, scene)
+        if straight is not None:
+            return straight
         waypoints = find_path(scene, start, goal, self.config.search, budget=self.budget)
         try:
             if len(waypoints) > 2:
@@ -68,6 +72,16 @@ class MotionBuilder:
             return self._timed(phase, waypoints, scene, self.config.timing.tcp_speed)
         except TrajectoryError as error:
             raise PlanningError(f"the path found does not hold when checked again: {error}") from None
+
+    def _straight_in_joints(self, phase: Phase, start: FloatArray, goal: FloatArray, scene: Scene) -> Motion | None:
+        """Plan the straight line in joint space, or return None; the check of the whole motion is the only fine one."""
+        self.budget.check()
+        if not line_is_free(scene, start, goal, _GLANCE):
+            return None
+        try:
+            return self._timed(phase, np.stack([start, goal]), scene, self.config.timing.tcp_speed)
+        except TrajectoryError:
+            return None
 
     def _cornering(self, phase: Phase, waypoints: FloatArray, scene: Scene) -> Motion:
         """Plan round corners without a stop or, where that touches something, with one at each of them."""

@@ -20,9 +20,9 @@ _RESOLUTION = 0.02  # between two configurations that are checked on a line [rad
 util.setLogLevel(util.LOG_NONE)
 
 
-def line_is_free(scene: Scene, start: FloatArray, goal: FloatArray) -> bool:
-    """Return True if the straight line in joint space, ends included, is valid at every 0.02 rad."""
-    count = int(np.ceil(float(np.abs(goal - start).max()) / _RESOLUTION)) + 1
+def line_is_free(scene: Scene, start: FloatArray, goal: FloatArray, resolution: float = _RESOLUTION) -> bool:
+    """Return True if the straight line in joint space, ends included, is valid at every `resolution` [rad]."""
+    count = int(np.ceil(float(np.abs(goal - start).max()) / resolution)) + 1
     # The middle first: that is where a line that is not free fails most often.
     shares = np.linspace(0.0, 1.0, max(count, 2))
     order = np.argsort(np.abs(shares - 0.5), kind="stable")
