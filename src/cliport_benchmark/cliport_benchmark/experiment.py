@@ -20,6 +20,7 @@ from cliport_benchmark.with_parent import command_with_parent
 from cliport_policy.checkpoint import load_card
 from cliport_policy.data.dataset_format import META_NAME
 from cliport_policy.named_configs import load_network_config
+from cliport_policy.training.options import parse_options
 from sim_bridge.tasks import make_task
 
 RESULT_NAME = "experiment.json"
@@ -36,8 +37,8 @@ class Experiment:
     randomize_scores: in the scenes that it is scored on, as generate and evaluate take it, or None.
 
     Raises:
-        OptionError: on numbers that make no experiment, or a network that cannot be scored.
-        UnknownNameError: on an unknown task; ConfigError: on an unknown config.
+        OptionError: on numbers that make no experiment, what train does not take, or a network that cannot be scored.
+        UnknownNameError: on an unknown task; ConfigError: on an unknown config or setting.
     """
 
     task: str
@@ -69,6 +70,17 @@ class Experiment:
         wrong = [step for step in self.keep_steps if not 0 < step <= self.steps]
         if wrong or not self.keep_steps:
             raise OptionError(f"--keep-steps must be within 1 and --steps {self.steps}, got {list(self.keep_steps)}")
+        try:
+            parse_options([*self.options_of_train("data"), "--out", "train"])
+        except SystemExit:  # argparse has said which
+            raise OptionError(f"--train-options '{' '.join(self.train_options)}' are not what train takes") from None
+
+    def options_of_train(self, data: str) -> list[str]:
+        """Return the options of train but for its folder; data: folder of the demonstrations."""
+        options = ["--config", self.config, "--data", data, "--n-demos", str(self.n_demos)]
+        options += ["--steps", str(self.steps), "--keep-steps", ",".join(map(str, sorted(self.keep_steps)))]
+        options += [part for text in self.settings for part in ("--set", text)]
+        return [*options, *self.train_options]
 
     @property
     def setup_options(self) -> list[str]:
@@ -217,10 +229,7 @@ def _result(
 def _train(experiment: Experiment, folder: Path, data: Path, say: Callable[[str], None]) -> None:
     if not _missing(experiment, folder):
         return
-    options = ["--config", experiment.config, "--data", str(data), "--n-demos", str(experiment.n_demos)]
-    options += ["--steps", str(experiment.steps), "--keep-steps", ",".join(map(str, sorted(experiment.keep_steps)))]
-    options += [part for text in experiment.settings for part in ("--set", text)]
-    _run("cliport_policy.train", [*options, *experiment.train_options], folder, say)
+    _run("cliport_policy.train", experiment.options_of_train(str(data)), folder, say)
     if missing := _missing(experiment, folder):
         raise BenchmarkError(f"training stopped before step {missing[0]}; run this again to go on")
 

@@ -23,7 +23,7 @@ def command(out: Path) -> list[str]:
         (["--config", "cliprot"], "did you mean 'cliport'"),
         (["--n-demos", "ten"], "--n-demos must be whole numbers"),
         (["--keep-steps", "9"], "--keep-steps must be within 1 and --steps 2"),
-        (["--train-options", "--batch nought"], "status 2"),
+        (["--train-options", "--batch nought"], "--train-options '--batch nought' are not what train takes"),
         (["--ray", "auto"], "--ray"),
     ],
 )
