@@ -186,6 +186,7 @@ def status_to_msg(status: ServerStatus, max_steps: int, stamp_ns: int) -> Policy
         max_steps=max_steps,
         confidence=float(status.confidence or 0.0),
         primitive=int(status.primitive),
+        proposal_id=status.proposal_id,
     )
     message.header.stamp = stamp_to_msg(stamp_ns)
     return message
@@ -203,7 +204,7 @@ def status_from_msg(message: PolicyStatus) -> ServerStatus:
         if status.state in _WITH_ACTION:
             confidence = float(message.confidence) if 0.0 <= message.confidence <= 1.0 else None
             status = status._replace(confidence=confidence)
-            status = status._replace(primitive=Primitive(message.primitive))
+            status = status._replace(primitive=Primitive(message.primitive), proposal_id=str(message.proposal_id))
     except ValueError as error:
         if status.state is PolicyState.EXECUTING:  # that the arm moves matters more than how
             return status

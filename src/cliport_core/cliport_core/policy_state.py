@@ -24,7 +24,7 @@ class ServerStatus(NamedTuple):
     """The policy server's status as published; step counts the actions begun for the instruction.
 
     confidence, primitive: of the action that waits for approval or is executed; in other states None and PICK_PLACE,
-    and confidence is None where it is not known, too.
+    and confidence is None where it is not known, too. proposal_id: of the action that waits; "" in other states.
     """
 
     state: PolicyState
@@ -33,3 +33,4 @@ class ServerStatus(NamedTuple):
     step: int = 0
     confidence: float | None = None
     primitive: Primitive = Primitive.PICK_PLACE
+    proposal_id: str = ""

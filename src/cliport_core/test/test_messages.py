@@ -132,7 +132,7 @@ def test_an_unknown_outcome_is_a_failed_execution() -> None:
 @pytest.mark.parametrize("state", list(PolicyState))
 def test_statuses(state: PolicyState) -> None:
     assert getattr(PolicyStatus, f"STATE_{state.name}") == state
-    status = ServerStatus(state, "step 2: CARRY", "sweep it up", 2, 0.75, Primitive.SWEEP)
+    status = ServerStatus(state, "step 2: CARRY", "sweep it up", 2, 0.75, Primitive.SWEEP, "12ab34cd")
     message = over_the_wire(c.status_to_msg(status, 8, STAMP))
     assert (message.max_steps, c.stamp_from_msg(message.header.stamp)) == (8, STAMP)
     acts = state in (PolicyState.WAITING_FOR_APPROVAL, PolicyState.EXECUTING)

@@ -23,6 +23,7 @@ from cliport_core.ros_running import run_node
 from cliport_core.ros_spin_queue import SpinQueue
 from cliport_interfaces.msg import Heightmap as HeightmapMsg
 from cliport_interfaces.msg import PolicyStatus
+from cliport_interfaces.srv import ApprovePlan
 from cliport_policy.errors import PolicyError
 from cliport_policy.policy import load_policy
 from cliport_policy.server.executor_link import ExecutorLink
@@ -63,12 +64,12 @@ class PolicyServerNode(Node):
         self.create_subscription(String, topics.INSTRUCTION, self._on_instruction, 10)
         self.create_subscription(HeightmapMsg, topics.HEIGHTMAP, self._on_heightmap, 2)
         services: dict[str, Callable[[], Answer]] = {
-            topics.APPROVE: lambda: self._server.approve(self._now()),
             topics.STOP: lambda: self._server.stop(self._now()),
             topics.RESUME: self._server.resume,
         }
         for name, act in services.items():
             self.create_service(Trigger, name, partial(_answer, act))
+        self.create_service(ApprovePlan, topics.APPROVE, self._on_approve)
         # wall time: nothing may hang when simulated time stands still
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(TICK_S, self._tick, clock=steady)
@@ -88,6 +89,10 @@ class PolicyServerNode(Node):
 
     def _on_instruction(self, message: String) -> None:
         self._server.on_instruction(message.data, self._now())
+
+    def _on_approve(self, request: ApprovePlan.Request, response: ApprovePlan.Response) -> ApprovePlan.Response:
+        response.success, response.message = self._server.approve(str(request.plan_id), self._now())
+        return response
 
     def _on_heightmap(self, message: HeightmapMsg) -> None:
         self._server.on_observation(stamp_from_msg(message.header.stamp), message, self._now())

@@ -11,7 +11,7 @@ from cliport_core.pose import PlanarPose
 from cliport_policy.errors import InstructionError
 from cliport_policy.inference import Inference
 from cliport_policy.server.logic import PolicyServer
-from cliport_policy.server.types import Moment, ServerConfig
+from cliport_policy.server.types import Answer, Moment, ServerConfig
 
 S = 1_000_000_000
 GOAL = "put the red blocks in the green bowl"
@@ -53,6 +53,10 @@ class World:
     def check_instruction(self, instruction: str) -> None:
         if "block" not in instruction:
             raise InstructionError(f"the instruction '{instruction}' is not understood")
+
+    def approve(self) -> Answer:
+        """Approve what waits, or nothing."""
+        return self.server.approve(self.statuses[-1].proposal_id if self.statuses else "", self.now)
 
     # executor
 

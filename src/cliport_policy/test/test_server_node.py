@@ -32,6 +32,7 @@ from cliport_core.workspace import WorkspaceSpec
 from cliport_interfaces.action import PickPlace
 from cliport_interfaces.msg import Heightmap as HeightmapMsg
 from cliport_interfaces.msg import PolicyStatus
+from cliport_interfaces.srv import ApprovePlan
 from cliport_policy import node as node_module
 from cliport_policy.errors import CheckpointError, InstructionError
 from cliport_policy.inference import AffordanceMaps, Inference
@@ -96,8 +97,9 @@ class Graph:
         self.person.create_service(Trigger, "/panda_executor/resume", self._on_resume, callback_group=group)
         self.services = {
             name: self.person.create_client(Trigger, f"/cliport/{name}", callback_group=group)
-            for name in ("approve", "stop", "resume")
+            for name in ("stop", "resume")
         }
+        self.approval = self.person.create_client(ApprovePlan, "/cliport/approve", callback_group=group)
         self.action = ThreadedActionServer(
             self.person, PickPlace, "/panda_executor/pick_place", self._execute,
             cancel_callback=lambda _: CancelResponse.ACCEPT, callback_group=group,
@@ -159,6 +161,14 @@ class Graph:
     def call(self, name: str) -> Trigger.Response:
         assert self.services[name].wait_for_service(5.0)
         future = self.services[name].call_async(Trigger.Request())
+        assert self.until(future.done)
+        return future.result()
+
+    def approve(self, proposal_id: str | None = None) -> ApprovePlan.Response:
+        """Approve what the newest status names, or another id."""
+        assert self.approval.wait_for_service(5.0)
+        named = self.statuses[-1].proposal_id if proposal_id is None else proposal_id
+        future = self.approval.call_async(ApprovePlan.Request(plan_id=named))
         assert self.until(future.done)
         return future.result()
 
@@ -224,7 +234,7 @@ def test_what_the_policy_chose_is_what_is_asked_for(graph: Callable[..., Graph],
     world.say("put the red blocks in the green bowl")
     assert world.reaches(PolicyStatus.STATE_WAITING_FOR_APPROVAL)
     assert world.statuses[-1].primitive == primitive
-    assert world.call("approve").success
+    assert world.approve().success
     assert world.reaches(PolicyStatus.STATE_DONE)
     assert [goal.primitive for goal in world.goals] == [primitive]
 
@@ -249,11 +259,12 @@ def test_stop_cancels_latches_and_is_passed_on(graph: Callable[..., Graph]) -> N
 
 def test_approval_is_waited_for(graph: Callable[..., Graph]) -> None:
     world = graph(steps=1, require_approval=True)
-    assert not world.call("approve").success
+    assert not world.approve("12ab34cd").success
     world.say("put the red blocks in the green bowl")
     assert world.reaches(PolicyStatus.STATE_WAITING_FOR_APPROVAL)
     assert world.statuses[-1].confidence == 0.8 and not world.goals
-    assert world.call("approve").success
+    assert not world.approve("").success and not world.goals
+    assert world.approve().success
     assert world.reaches(PolicyStatus.STATE_DONE)
 
 

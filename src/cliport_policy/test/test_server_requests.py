@@ -135,7 +135,7 @@ def test_stop_while_thinking_moves_nothing() -> None:
 
 def test_approval_comes_before_every_motion() -> None:
     world = World(require_approval=True)
-    assert world.server.approve(world.now) == Answer(False, "nothing waits for approval: the server is IDLE")
+    assert world.approve() == Answer(False, "nothing waits for approval: the server is IDLE")
     world.say()
     world.see()
     world.think()
@@ -144,9 +144,29 @@ def test_approval_comes_before_every_motion() -> None:
     assert [status.confidence for status in world.statuses] == [None, None, 0.9]  # known when it waits
     world.wait(20.0)
     assert not world.goals
-    assert world.server.approve(world.now).success
+    assert world.approve().success
     assert len(world.goals) == 1
-    assert not world.server.approve(world.now).success
+    assert not world.approve().success
+
+
+def test_a_proposal_is_approved_by_its_id_alone() -> None:
+    world = World(require_approval=True)
+    world.say()
+    world.see()
+    world.think()
+    first = world.statuses[-1].proposal_id
+    assert len(first) == 8 and first in world.statuses[-1].message
+    for other in ("", "12345678"):
+        refused = world.server.approve(other, world.now)
+        assert not refused.success and f"the proposal that waits is {first}, not" in refused.message
+    world.say()  # anew: what was seen of the first proposal says nothing of the second
+    world.see()
+    world.think()
+    second = world.statuses[-1].proposal_id
+    assert second != first and not world.server.approve(first, world.now).success
+    assert not world.goals
+    assert world.server.approve(second, world.now).success
+    assert len(world.goals) == 1 and world.statuses[-1].proposal_id == ""
 
 
 def test_an_old_proposal_is_made_again_instead_of_executed() -> None:
@@ -155,9 +175,9 @@ def test_an_old_proposal_is_made_again_instead_of_executed() -> None:
     world.see()
     world.think()
     world.wait(31.0)
-    assert not world.server.approve(world.now).success
+    assert not world.approve().success
     assert world.state == PolicyState.OBSERVING
     assert not world.goals
     world.see()
     world.think()
-    assert world.server.approve(world.now).success
+    assert world.approve().success

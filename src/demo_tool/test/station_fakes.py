@@ -11,7 +11,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cliport_core import topics
 from cliport_core.action import ActionGoal, Primitive
 from cliport_core.outcome import ActionResult, Outcome
 from cliport_core.policy_state import PolicyState, ServerStatus
@@ -272,5 +271,5 @@ class FakePolicy:
             stamp_ns = time.monotonic_ns()
             self.on_pose("pick", self.pick, stamp_ns)
             self.on_pose("place", self.place, stamp_ns)
-            waiting = ServerStatus(PolicyState.WAITING_FOR_APPROVAL, f"waiting for a call of {topics.APPROVE}", text)
+            waiting = ServerStatus(PolicyState.WAITING_FOR_APPROVAL, "proposal 12ab34cd waits", text)
             self.on_status(waiting._replace(confidence=self.confidence, primitive=self.primitive))

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import threading
 import time
-import uuid
 from collections.abc import Callable, Sequence
 
 from cliport_core import topics
+from cliport_core.new_id import new_id
 from cliport_core.outcome import Refusal
 from panda_executor.errors import RequestError
 from panda_executor.motions import Motion
@@ -18,11 +18,6 @@ Show = Callable[[str, Sequence[Motion]], None]
 
 def _nowhere(_: str, __: Sequence[Motion]) -> None:
     """Show a plan to nobody."""
-
-
-def new_plan_id() -> str:
-    """Return an id for a plan: eight hexadecimal digits."""
-    return uuid.uuid4().hex[:8]
 
 
 class Approvals:
@@ -40,7 +35,7 @@ class Approvals:
 
     def present(self, motions: Sequence[Motion]) -> str:
         """Show a plan to whoever wants to see it; return its id."""
-        plan_id = new_plan_id()
+        plan_id = new_id()
         self._show(plan_id, motions)
         return plan_id
 

@@ -10,10 +10,11 @@ import pytest
 from fake_ports import FakeArm, FakeGripper
 
 from cliport_core.action import ActionGoal, PickPlaceAction
+from cliport_core.new_id import new_id
 from cliport_core.outcome import ActionResult, Outcome, Refusal
 from cliport_core.pose import PlanarPose
 from cliport_core.workspace import WorkspaceSpec
-from panda_executor.approvals import Approvals, new_plan_id
+from panda_executor.approvals import Approvals
 from panda_executor.config import AfterFailure
 from panda_executor.errors import RequestError
 from panda_executor.hand_geometry import HandShape
@@ -227,7 +228,7 @@ def test_a_hand_that_holds_something_takes_nothing_else(planner: TransferPlanner
 def test_an_approval_is_of_one_plan() -> None:
     approvals = Approvals(10.0)
     assert approvals.approve("whatever") == (False, "no plan waits for approval")
-    first, second = new_plan_id(), new_plan_id()
+    first, second = new_id(), new_id()
     approvals.offer(first)
     approvals.offer(second)
     assert not approvals.approve(first)[0], "an approval of another plan"

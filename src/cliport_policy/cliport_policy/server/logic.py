@@ -12,6 +12,7 @@ from cliport_core import topics
 from cliport_core.action import ActionGoal, Primitive
 from cliport_core.errors import InstructionError
 from cliport_core.instruction import asks_to_stop, normalized_instruction
+from cliport_core.new_id import new_id
 from cliport_core.outcome import ActionResult, Outcome
 from cliport_core.policy_state import PolicyState, ServerStatus
 from cliport_policy.errors import PolicyError
@@ -103,10 +104,13 @@ class PolicyServer:
         self._earliest_ns = max(self._earliest_ns, now.ros_ns - int(self.config.look_back * 1e9))
         self._observe("waiting for a fresh heightmap", now)
 
-    def approve(self, now: Moment) -> Answer:
-        """Run the proposal, as a person agrees to it."""
+    def approve(self, proposal_id: str, now: Moment) -> Answer:
+        """Run the proposal of that id, and no other, as a person agrees to it."""
         if self._status.state != PolicyState.WAITING_FOR_APPROVAL or self._proposal is None:
             return Answer(False, f"nothing waits for approval: the server is {self._status.state.name}")
+        waiting = self._status.proposal_id
+        if proposal_id != waiting:
+            return Answer(False, f"the proposal that waits is {waiting}, not {proposal_id or 'one without an id'}")
         age = (now.ros_ns - self._proposal.stamp_ns) * 1e-9
         if age > self.config.max_proposal_age:
             self._observe(f"the proposal is {age:.0f} s old, looking again", now)
@@ -159,9 +163,14 @@ class PolicyServer:
             self._proposal = ActionGoal(inference.action, self._status.instruction, self._observed_ns)
             self._effects.publish_proposal(self._proposal)
             if config.require_approval:
-                self._enter(PolicyState.WAITING_FOR_APPROVAL, f"waiting for a call of {topics.APPROVE}")
+                self._await_approval()
             else:
                 self._execute(self._proposal, now)
+
+    def _await_approval(self) -> None:
+        proposal_id = new_id()
+        words = f"proposal {proposal_id} waits for a call of {topics.APPROVE} with its id"
+        self._enter(PolicyState.WAITING_FOR_APPROVAL, words, proposal_id=proposal_id)
 
     def on_inference_failed(self, token: int, message: str) -> None:
         """Note that the policy could not answer."""
@@ -227,12 +236,14 @@ class PolicyServer:
 
     # transitions
 
-    def _enter(self, state: PolicyState, message: str, deadline: float | None = None) -> None:
+    def _enter(self, state: PolicyState, message: str, deadline: float | None = None, proposal_id: str = "") -> None:
         shown = self._proposal if state in (PolicyState.WAITING_FOR_APPROVAL, PolicyState.EXECUTING) else None
         confidence = shown.action.confidence if shown else None
         primitive = shown.action.primitive if shown else Primitive.PICK_PLACE
         self._deadline = deadline
-        self._status = self._status._replace(state=state, message=message, confidence=confidence, primitive=primitive)
+        self._status = self._status._replace(
+            state=state, message=message, confidence=confidence, primitive=primitive, proposal_id=proposal_id
+        )
         self._effects.publish_status(self._status)
 
     def _fail(self, reason: str) -> None:
