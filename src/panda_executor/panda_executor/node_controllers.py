@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 
@@ -41,7 +42,9 @@ class Controllers:
             return int(node.get_clock().now().nanoseconds)
 
         self.arm = ActionArm(self._arm_caller, joints, robot.arm_joints, now_ns, parameters.watch, on_motion)
-        self.gripper = ActionGripper(self._gripper_caller, joints, now_ns, robot.gripper_reports_full_width)
+        held_from = math.inf if robot.gripper_reports_stalled else parameters.config.missed_width
+        full = robot.gripper_reports_full_width
+        self.gripper = ActionGripper(self._gripper_caller, joints, now_ns, full, held_from)
 
     def stop(self) -> None:
         """Cancel all goals of both controllers, whoever sent them."""

@@ -67,8 +67,9 @@ def read_parameters(node: Node) -> NodeParameters:
         names[name] = str(get(name, "")) or getattr(preset, name)
     for name in ("arm_joints", "finger_joints"):
         names[name] = tuple(str(v) for v in get(name, list(getattr(preset, name))))
-    full = bool(get("gripper_reports_full_width", preset.gripper_reports_full_width))
-    robot = replace(preset, gripper_reports_full_width=full, **names)
+    for name in ("gripper_reports_full_width", "gripper_reports_stalled"):
+        names[name] = bool(get(name, getattr(preset, name)))
+    robot = replace(preset, **names)
     if len(robot.arm_joints) != 7 or not robot.finger_joints:
         raise ExecutorError("arm_joints must name seven joints and finger_joints at least one")
     path = str(get("workspace", ""))

@@ -29,6 +29,7 @@ class ArmModel:
     prefix: with which the names of its links, frames and joints begin in its preset, whatever the driver calls some.
     torque: of each joint at most (7,) [N m]; ready: (7,) [rad], out of the camera's view, the hand pointing down.
     gripper_reports_full_width: True if the gripper's action, which takes half of the width, reports all of it.
+    gripper_reports_stalled: False if its result never says `stalled`, so that an aborted closing may be a grasp.
     """
 
     name: str
@@ -45,6 +46,7 @@ class ArmModel:
     arm_action: str
     gripper_action: str
     gripper_reports_full_width: bool
+    gripper_reports_stalled: bool
     description: Description
     hand: HandModel
 

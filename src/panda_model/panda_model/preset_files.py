@@ -17,6 +17,7 @@ from panda_model.limits import ARM_DOF, FloatArray, JointLimits, frozen_array
 
 DEFAULT_PRESET = "panda"
 _FOLDER = Path(__file__).parent / "presets"
+_REPORTS = ("gripper_reports_full_width", "gripper_reports_stalled")
 _FRAMES = ("base", "flange", "hand", "tcp")
 
 
@@ -46,9 +47,7 @@ def _arm(name: str, content: dict[str, Any], path: Path) -> ArmModel:
     frames = _mapping(content, "frames", _FRAMES, path)
     limits = _mapping(content, "limits", [f.name for f in fields(JointLimits)], path)
     description = _mapping(content, "description", [f.name for f in fields(Description)], path)
-    full = content["gripper_reports_full_width"]
-    if not isinstance(full, bool):
-        raise PresetError(f"{path}: gripper_reports_full_width must be true or false, got {full!r}")
+    reports = {key: _yes_or_no(content, key, path) for key in _REPORTS}
     return ArmModel(
         name=name,
         prefix=str(frames["flange"]).removesuffix("link8"),  # the base may have a name of its own
@@ -60,7 +59,7 @@ def _arm(name: str, content: dict[str, Any], path: Path) -> ArmModel:
         **{f"{key}_frame": str(frames[key]) for key in _FRAMES},
         arm_action=str(content["arm_action"]),
         gripper_action=str(content["gripper_action"]),
-        gripper_reports_full_width=full,
+        **reports,
         description=Description(**{key: str(value) for key, value in description.items()}),
         hand=_hand(content["hand"], path),
     )
@@ -115,6 +114,13 @@ def _mapping(content: dict[str, Any], key: str, keys: list[str] | tuple[str, ...
     if not isinstance(value, dict):
         raise PresetError(f"{path}: {key} must be a mapping of {', '.join(keys)}")
     _check_keys(value, keys, f"{path}: {key}")
+    return value
+
+
+def _yes_or_no(content: dict[str, Any], key: str, path: Path) -> bool:
+    value = content[key]
+    if not isinstance(value, bool):
+        raise PresetError(f"{path}: {key} must be true or false, got {value!r}")
     return value
 
 

@@ -124,6 +124,7 @@ def test_an_unknown_preset_names_the_known() -> None:
         ("limits.jerk", [-1.0] * 7, "limits: jerk must be positive"),
         ("frames", "panda", "frames must be a mapping of base, flange, hand, tcp"),
         ("gripper_reports_full_width", "yes", "must be true or false, got 'yes'"),
+        ("gripper_reports_stalled", 1, "must be true or false, got 1"),
         ("hand", "robotiq", "unknown hand 'robotiq'; known are franka_hand"),
         ("hand.opening", 0.0, "opening must be a positive number, got 0.0"),
         ("hand.opening", -0.08, "opening must be a positive number, got -0.08"),

@@ -1,0 +1,80 @@
+"""What counts as a grasp: the gripper's answer, and where the fingers are measured afterwards."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from itertools import chain, count, repeat
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from control_msgs.action import GripperCommand
+
+from panda_executor.action_call import ActionEnd
+from panda_executor.action_gripper import ActionGripper
+from panda_executor.errors import PortError
+from panda_executor.ports import GripperResult, MotionStatus
+
+MISSED = 0.005  # [m]
+OBJECT = 0.03  # [m]
+
+
+class Fingers:
+    """Joint states that show these widths [m], one a look; None is a look without fresh states."""
+
+    def __init__(self, widths: Iterator[float | None]) -> None:
+        self._widths = widths
+
+    def width(self, _: int) -> float:
+        width = next(self._widths)
+        if width is None:
+            raise PortError("the joint states are old")
+        return width
+
+
+def close(
+    status: MotionStatus, stalled: bool, widths: Iterator[float | None], held_from: float = MISSED, **kind: float
+) -> GripperResult:
+    """Tell a gripper to go to `asked` (0), which answers that it ended `reported` [m] apart."""
+    result = GripperCommand.Result(position=kind.get("reported", OBJECT), stalled=stalled)
+    caller: Any = SimpleNamespace(call=lambda *_: ActionEnd(status, result))
+    clock = count(0, 20_000_000)
+    fingers: Any = Fingers(widths)
+    gripper = ActionGripper(caller, fingers, lambda: next(clock), held_from=held_from)
+    return gripper.move(kind.get("asked", 0.0), 20.0, lambda: False)
+
+
+def test_franka_gripper_calls_a_grasp_aborted_and_it_is_held() -> None:
+    result = close(MotionStatus.ABORTED, False, repeat(OBJECT))
+    assert (result.status, result.stalled, result.width) == (MotionStatus.SUCCEEDED, True, OBJECT)
+
+
+def test_states_that_come_late_show_the_grasp_too() -> None:
+    late: list[float | None] = [0.05, None, 0.04]
+    assert close(MotionStatus.ABORTED, False, chain(late, repeat(OBJECT))).status is MotionStatus.SUCCEEDED
+
+
+@pytest.mark.parametrize(
+    ("widths", "kind"),
+    [
+        (chain(repeat(OBJECT, 5), repeat(0.08)), {}),  # the hand opened again
+        (repeat(0.08), {}),  # it had opened when its states came
+        (chain(repeat(OBJECT, 5), repeat(None)), {}),  # nobody sees the fingers
+        (repeat(0.002), {"reported": 0.002}),  # closed on nothing
+        (repeat(0.03), {"asked": 0.08}),  # jammed on the way to open
+        (repeat(OBJECT), {"reported": math.nan}),
+    ],
+)
+def test_other_aborted_goals_are_no_grasps(widths: Iterator[float | None], kind: dict[str, float]) -> None:
+    assert close(MotionStatus.ABORTED, False, widths, **kind).status is MotionStatus.ABORTED
+
+
+@pytest.mark.parametrize("status", [MotionStatus.CANCELLED, MotionStatus.TIMED_OUT])
+def test_what_was_stopped_is_no_grasp(status: MotionStatus) -> None:
+    assert close(status, False, repeat(OBJECT)).status is status
+
+
+def test_a_gripper_that_says_stalled_is_believed_and_only_then() -> None:
+    assert close(MotionStatus.ABORTED, True, repeat(OBJECT), math.inf).status is MotionStatus.SUCCEEDED
+    assert close(MotionStatus.ABORTED, False, repeat(OBJECT), math.inf).status is MotionStatus.ABORTED
