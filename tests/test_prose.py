@@ -22,6 +22,7 @@ COMPLIANT = (
     "cliport_perception",
     "cliport_policy",
     "demo_tool",
+    "panda_driver",
     "panda_executor",
     "panda_model",
     "sim_bridge",

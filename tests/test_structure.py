@@ -18,6 +18,7 @@ ALLOWED: dict[str, set[str]] = {
     "cliport_policy": {"cliport_core", "panda_model", "cliport_episodes", "torch"},
     "panda_executor": {"cliport_core", "panda_model", "cliport_perception", "ompl", "pinocchio"},
     "sim_bridge": {"cliport_core", "panda_model", "cliport_perception", "pybullet"},
+    "panda_driver": {"cliport_core", "panda_model", "sim_bridge"},  # of the latter what moves no world, see below
     "cliport_benchmark": {
         *("cliport_core", "panda_model", "cliport_perception", "cliport_episodes"),
         *("cliport_policy", "panda_executor", "sim_bridge", *LIBRARIES),
@@ -83,6 +84,18 @@ def test_packages_of_the_simulator_build_on_each_other(inner: str) -> None:
     for path in (SOURCE / "sim_bridge/sim_bridge" / inner).glob("*.py"):
         known = {name.split(".")[1] for name in _imports(path) if name.startswith("sim_bridge.")}
         assert known & set(INNER) <= allowed, path
+
+
+def test_the_driver_shares_the_rules_of_controllers_and_no_simulator() -> None:
+    for path in (SOURCE / "panda_driver/panda_driver").rglob("*.py"):
+        parts = [name.split(".") for name in _imports(path)]
+        known = {inner for top, *rest in parts if top == "sim_bridge" for inner in rest[:1]}
+        assert known <= {"control", "conversions"}, path
+
+
+def test_franky_is_known_to_one_file() -> None:
+    knowing = [path.name for path in _modules() if "franky" in {name.split(".")[0] for name in _imports(path)}]
+    assert knowing == ["franky_ports.py"]
 
 
 def test_encoders_know_no_network() -> None:

@@ -129,6 +129,17 @@ class JointTrajectoryController:
         self._pending = TrajectoryExecution(goal)
         return self._pending
 
+    def check(self, goal: TrajectoryGoal, time: float, state: JointStates) -> None:
+        """Raise GoalRejectedError unless `goal` would be taken and followed by an arm at rest in the measured `state`.
+
+        A driver rejects by this at once what would otherwise be taken, and aborted at the next `update`.
+        """
+        validate_goal(goal, self.config.joint_names, time)
+        rest = at_rest(state.positions)
+        fault = reflex_fault(self._fit(goal, time, state, rest), time, state, rest, self.config)
+        if fault:
+            raise GoalRejectedError(ErrorCode.INVALID_GOAL, fault)
+
     def cancel(self) -> None:
         """Brake and hold; the goal becomes CANCELED once the arm's command stands still (within 0.25 s)."""
         if self._pending is not None:

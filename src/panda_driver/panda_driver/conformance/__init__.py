@@ -1,0 +1,1 @@
+"""A test of any arm behind the actions that the executor knows: named checks, each with a line."""
