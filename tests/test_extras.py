@@ -17,7 +17,7 @@ from packaging.utils import canonicalize_name
 
 ROOT = Path(__file__).resolve().parents[1]
 # The commands of each package, by the extras that they need besides `runtime`.
-TRAIN, SIMULATE = {"train"}, {"simulate"}
+TRAIN, SIMULATE, DRIVER = {"train"}, {"simulate"}, {"driver"}
 COMMANDS: dict[str, dict[str, set[str]]] = {
     "cliport_perception": {"perception": set(), "calibrate": set(), "camera_pose": set()},
     "panda_executor": {"executor": set(), "guard": set(), "hand_frame": set()},
@@ -27,6 +27,7 @@ COMMANDS: dict[str, dict[str, set[str]]] = {
         **dict.fromkeys(("train", "dataset", "calibrate", "reliability", "explain"), TRAIN),
     },
     "sim_bridge": {"sim": SIMULATE},
+    "panda_driver": {"driver": DRIVER, "conformance": set()},
     "cliport_benchmark": {
         **dict.fromkeys(("demo", "evaluate", "evaluate_graph", "results", "card_scores", "gallery"), SIMULATE),
         **dict.fromkeys(("record", "generate", "experiment", "bench"), TRAIN | SIMULATE),
@@ -38,6 +39,7 @@ BROUGHT_BY = {
     "anyio": "starlette",
     "backports": "rosbags",
     "coal": "pin",
+    "franky": "franky-control",
     "cv2": "opencv-python-headless",
     "h11": "uvicorn",
     "lz4": "rosbags",

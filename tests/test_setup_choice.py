@@ -21,6 +21,8 @@ DEFAULT = "runtime train simulate develop|default|0\n"
         ({"EXTRAS": "all"}, DEFAULT),
         ({"EXTRAS": "develop,simulate"}, "runtime simulate develop|default|0\n"),
         ({"EXTRAS": "runtime", "TORCH": "cpu"}, "runtime|cpu|0\n"),
+        ({"EXTRAS": "all driver"}, "runtime train simulate develop driver|default|0\n"),
+        ({"EXTRAS": "driver"}, "runtime driver|default|0\n"),
         ({"LOCKED": "1"}, "runtime train simulate develop|default|1\n"),
     ],
 )
@@ -34,7 +36,7 @@ def test_a_choice_is_kept_until_another_is_made(tmp_path, given, chosen):
 @pytest.mark.parametrize(
     ("given", "said"),
     [
-        ({"EXTRAS": "robot"}, "EXTRAS names robot: it takes all, or some of runtime train simulate develop"),
+        ({"EXTRAS": "robot"}, "EXTRAS names robot: it takes all, or some of runtime train simulate develop driver"),
         ({"TORCH": "cuda"}, "TORCH is cuda: it takes cpu or default"),
         ({"LOCKED": "yes"}, "LOCKED is yes: it takes 1 or 0"),
         ({"LOCKED": "1", "TORCH": "cpu"}, "the lock holds PyTorch's ordinary build"),
@@ -147,9 +149,9 @@ def test_the_other_build_of_pytorch_goes(checkout, torch, gone):
     assert (checkout / ".setup/asked").read_text() == f"-m pip uninstall -y -q {gone}\n"
 
 
-def test_requirements_name_all_extras_and_no_host():
+def test_requirements_name_what_all_takes_and_no_host():
     named = re.findall(r"^-r requirements-(\w+)\.txt$", (ROOT / "requirements.txt").read_text(), re.MULTILINE)
-    assert named == [extra for extra in EXTRAS if extra != "ros"]
+    assert named == [extra for extra in EXTRAS if extra not in ("ros", "driver")]
     for file in ROOT.glob("requirements*.txt"):
         assert "://" not in file.read_text(), file
         assert "index-url" not in file.read_text(), file

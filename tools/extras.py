@@ -18,7 +18,7 @@ from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
 ROOT = Path(__file__).resolve().parents[1]
-EXTRAS = ("ros", "runtime", "train", "simulate", "develop")
+EXTRAS = ("ros", "runtime", "train", "simulate", "develop", "driver")
 GRAPHICS_CARD = re.compile(r"nvidia-|triton$|cuda-")  # packages that PyTorch's CPU build does without
 
 

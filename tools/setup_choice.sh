@@ -2,6 +2,7 @@
 # kept in .setup/choice, and holds until something else is chosen.
 
 all_extras="runtime train simulate develop"
+added_extras="driver" # what "all" leaves out: who drives no arm of their own needs none of it
 
 # Prints what was chosen before: kept extras|torch|locked.
 kept() { [ ! -f "$stamps/choice" ] || sed -n "s/^$1=//p" "$stamps/choice"; }
@@ -10,14 +11,15 @@ kept() { [ ! -f "$stamps/choice" ] || sed -n "s/^$1=//p" "$stamps/choice"; }
 choose() {
     local name wanted=${EXTRAS:-$(kept extras)}
     wanted=" ${wanted//,/ } "
-    [ -n "${wanted// /}" ] && [ "${wanted// /}" != all ] || wanted=" $all_extras "
+    [ -n "${wanted// /}" ] || wanted=" all "
+    wanted=${wanted/ all / $all_extras }
     for name in $wanted; do
-        case " $all_extras " in *" $name "*) ;; *)
-            fail "EXTRAS names $name: it takes all, or some of $all_extras" ;;
+        case " $all_extras $added_extras " in *" $name "*) ;; *)
+            fail "EXTRAS names $name: it takes all, or some of $all_extras $added_extras" ;;
         esac
     done
     extras=runtime
-    for name in train simulate develop; do
+    for name in train simulate develop $added_extras; do
         case $wanted in *" $name "*) extras+=" $name" ;; esac
     done
     torch=${TORCH:-$(kept torch)} torch=${torch:-default}

@@ -122,7 +122,7 @@ def cancels(subject: Subject) -> str:
     subject.wait(lambda: goal.end is not None, bounds.patience * bounds.cancel + bounds.spare)
     if goal.end is not End.CANCELED:
         raise CheckFailedError(f"{subject.now() - asked:.1f} s after a cancel the goal {_words(goal)}")
-    subject.wait(lambda: subject.now() - goal.ended_at >= bounds.age, 10.0)
+    subject.wait(lambda: subject.now() - goal.ended_at >= bounds.settle, 10.0)
     begin = subject.now()
     subject.wait(lambda: subject.now() - begin >= _WATCH, 10.0 * _WATCH)
     moved = spread([sample.arm for sample in subject.samples(begin)])

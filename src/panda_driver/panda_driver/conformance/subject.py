@@ -52,8 +52,9 @@ class Bounds:
 
     rate: of the joint states at least [Hz]; age: of a state at most [s]; path: from the path at most [rad]; patience:
     times longer than asked a motion may take, for a simulator that is slower than real time; spare: for answers and for
-    starting [s]; cancel: from a cancel to its end [s]; still: what counts as standing still [rad]; width: between what
-    the gripper says and what the joint states show [m]; duration, amount: of the motions [s, rad].
+    starting [s]; cancel: from a cancel to its end [s]; settle: from there to a standstill [s]; still: what counts as
+    standing still [rad]; width: between what the gripper says and what the joint states show [m]; duration, amount: of
+    the motions [s, rad].
     """
 
     rate: float = 25.0
@@ -62,6 +63,7 @@ class Bounds:
     patience: float = 1.5
     spare: float = 1.0
     cancel: float = 1.0
+    settle: float = 0.25
     still: float = 0.004
     width: float = 0.004
     duration: float = 2.0
