@@ -168,7 +168,8 @@ class ArmLoop:
 
     def _recover(self, asked: Future[None]) -> None:
         try:
-            self._port.recover()
+            if not self._in_control:  # an arm that lets itself be controlled has no errors
+                self._port.recover()
         except DriverError as error:
             asked.set_exception(error)
         else:

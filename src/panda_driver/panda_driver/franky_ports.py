@@ -13,7 +13,7 @@ from panda_driver.errors import ArmFaultError, ConnectionFailedError, DriverErro
 from panda_driver.ports import ArmState, HandState
 from panda_model.limits import FloatArray
 
-_INSTALL = "franky is not installed: pip install -r requirements-driver.txt"
+_INSTALL = "franky is not installed: run 'make setup EXTRAS=\"all driver\"'"
 _STOPPED = {  # by the robot's mode: why it does not move
     "UserStopped": "the user stop is pressed: release it, then call ~/recover_errors",
     "Guiding": "the arm is being guided by hand: let go of its buttons",
@@ -48,6 +48,11 @@ def load_franky() -> Any:
     return franky
 
 
+def franky_errors(franky: Any) -> tuple[type[Exception], ...]:
+    """Return what franky raises: its own errors, and what a connection that breaks throws through it."""
+    return franky.Exception, RuntimeError
+
+
 class FrankyArm:
     """ArmPort of a Franka arm.
 
@@ -58,6 +63,7 @@ class FrankyArm:
     def __init__(self, address: str, settings: ArmSettings) -> None:
         """Connect, and set thresholds and load."""
         self._franky, self._settings = load_franky(), settings
+        self._errors = franky_errors(self._franky)
         self._tracker: Any = None
         config = self._franky.RealtimeConfig
         try:
@@ -67,7 +73,7 @@ class FrankyArm:
             if settings.load_mass > 0.0:
                 inertia = (np.eye(3) * 1e-4 * settings.load_mass).ravel().tolist()
                 self._robot.set_load(settings.load_mass, list(settings.load_center), inertia)
-        except self._franky.Exception as error:
+        except self._errors as error:
             raise ConnectionFailedError(words_of("arm", address, error)) from None
         self._address = address
 
@@ -75,7 +81,7 @@ class FrankyArm:
         """Return the newest state."""
         try:
             state = self._robot.state
-        except self._franky.Exception as error:
+        except self._errors as error:
             raise ConnectionFailedError(words_of("arm", self._address, error)) from None
         fault = _STOPPED.get(state.robot_mode.name, "")
         if fault:
@@ -85,13 +91,13 @@ class FrankyArm:
 
     def begin(self) -> None:
         """Take control by torques that pull the joints to their references."""
-        with suppress(self._franky.Exception):
+        with suppress(*self._errors):
             self._robot.poll_motion()  # throws away how an earlier motion ended
         try:
             self._tracker = self._franky.JointImpedanceTracker(
                 self._robot, stiffness=np.array(self._settings.stiffness)
             )
-        except self._franky.Exception as error:
+        except self._errors as error:
             raise ArmFaultError(reflex_words(error)) from None
 
     def follow(self, positions: FloatArray, velocities: FloatArray) -> None:
@@ -99,7 +105,7 @@ class FrankyArm:
         if not self._tracker.is_running:
             try:
                 self._robot.poll_motion()
-            except self._franky.Exception as error:
+            except self._errors as error:
                 raise ArmFaultError(reflex_words(error)) from None
             raise ArmFaultError("the arm ended its control without a word: call ~/recover_errors")
         self._tracker.set_target(positions, dq=velocities)
@@ -115,7 +121,7 @@ class FrankyArm:
         self._tracker = None
         try:
             done = self._robot.recover_from_errors()
-        except self._franky.Exception as error:
+        except self._errors as error:
             raise ArmFaultError(f"the errors stay: {_line(error)}") from None
         if not done:
             raise ArmFaultError("the arm keeps its errors: look at the lights at its base, and in Desk")
@@ -123,7 +129,7 @@ class FrankyArm:
     def close(self) -> None:
         """Come to rest."""
         self.end()
-        with suppress(self._franky.Exception):  # it has stopped, if for another reason
+        with suppress(*self._errors):  # it has stopped, if for another reason
             self._robot.join_motion(2.0)
 
 
@@ -133,16 +139,17 @@ class FrankyHand:
     def __init__(self, address: str) -> None:
         """Connect."""
         self._franky, self._address = load_franky(), address
+        self._errors = franky_errors(self._franky)
         try:
             self._gripper = self._franky.Gripper(address)
-        except self._franky.Exception as error:
+        except self._errors as error:
             raise ConnectionFailedError(words_of("hand", address, error)) from None
 
     def read(self) -> HandState:
         """Return the newest state."""
         try:
             state = self._gripper.state
-        except self._franky.Exception as error:
+        except self._errors as error:
             raise ConnectionFailedError(words_of("hand", self._address, error)) from None
         return HandState(float(state.width), float(state.max_width))
 
@@ -163,7 +170,7 @@ class FrankyHand:
         """Stop the fingers."""
         try:
             self._gripper.stop()
-        except self._franky.Exception as error:
+        except self._errors as error:
             raise HandFaultError(f"the hand does not stop: {_line(error)}") from None
 
 
@@ -171,7 +178,7 @@ class FrankyHandMotion:
     """HandMotion over one of franky's futures."""
 
     def __init__(self, franky: Any, future: Any) -> None:
-        self._franky, self._future = franky, future
+        self._errors, self._future = franky_errors(franky), future
 
     def wait(self, timeout: float) -> bool:
         """Wait at most `timeout` [s]."""
@@ -181,7 +188,7 @@ class FrankyHandMotion:
         """Return the hand's answer."""
         try:
             return bool(self._future.get())
-        except self._franky.Exception as error:
+        except self._errors as error:
             raise HandFaultError(f"the hand failed: {_line(error)}") from None
 
 
@@ -197,6 +204,8 @@ def words_of(what: str, address: str, error: Exception) -> str:
         return f"{text}: start a real-time kernel, or give -p realtime:=false, where a simulator is driven"
     if kind == "NetworkException" and what == "hand":
         return f"no hand at {address} ({text}): initialise it in Desk, or give -p gripper:=false"
+    if kind == "RuntimeError":
+        return f"the {what} at {address} was lost ({text}): look at the cable and in Desk, then start the driver again"
     if kind == "NetworkException":
         return f"no arm at {address} ({text}): look at the address, the cable, and that FCI is active in Desk"
     return f"the {what} at {address}: {text}"

@@ -39,6 +39,7 @@ class FakeArm:
         self.in_control = False
 
     def recover(self) -> None:
+        assert not self.in_control
         if self.keeps_errors:
             raise ArmFaultError("the arm keeps its errors")
         self.fault = self.stops_with = ""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from concurrent.futures import Future
 
 import numpy as np
 import pytest
@@ -134,6 +135,16 @@ def test_a_reflex_aborts_and_refuses_until_the_errors_are_cleared(bench: Bench) 
     bench.turn(lambda: not bench.loop.state.fault)
     bench.loop.stop_thread()
     assert bench.arm.closed
+
+
+def test_errors_are_not_cleared_while_the_arm_is_controlled(bench: Bench) -> None:
+    bench.finish(bench.loop.start(goal()))
+    assert bench.arm.in_control
+    asked: Future[None] = Future()
+    bench.loop._recovery = asked
+    bench.loop.turn()
+    assert asked.result(0.0) is None
+    assert bench.arm.in_control
 
 
 def test_an_arm_that_is_stopped_by_its_user_takes_no_goal(bench: Bench) -> None:
