@@ -82,7 +82,7 @@ class FrankyArm:
         try:
             state = self._robot.state
         except self._errors as error:
-            raise ConnectionFailedError(words_of("arm", self._address, error)) from None
+            raise ConnectionFailedError(lost_words("arm", self._address, error)) from None
         fault = _STOPPED.get(state.robot_mode.name, "")
         if fault:
             errors = error_names(state.last_motion_errors) or error_names(state.current_errors)
@@ -150,7 +150,7 @@ class FrankyHand:
         try:
             state = self._gripper.state
         except self._errors as error:
-            raise ConnectionFailedError(words_of("hand", self._address, error)) from None
+            raise ConnectionFailedError(lost_words("hand", self._address, error)) from None
         return HandState(float(state.width), float(state.max_width))
 
     def move(self, width: float, speed: float) -> FrankyHandMotion:
@@ -204,11 +204,15 @@ def words_of(what: str, address: str, error: Exception) -> str:
         return f"{text}: start a real-time kernel, or give -p realtime:=false, where a simulator is driven"
     if kind == "NetworkException" and what == "hand":
         return f"no hand at {address} ({text}): initialise it in Desk, or give -p gripper:=false"
-    if kind == "RuntimeError":
-        return f"the {what} at {address} was lost ({text}): look at the cable and in Desk, then start the driver again"
     if kind == "NetworkException":
         return f"no arm at {address} ({text}): look at the address, the cable, and that FCI is active in Desk"
     return f"the {what} at {address}: {text}"
+
+
+def lost_words(what: str, address: str, error: Exception) -> str:
+    """Return one line for a connection that broke."""
+    text = _line(error)
+    return f"the {what} at {address} was lost ({text}): look at the cable and in Desk, then start the driver again"
 
 
 def reflex_words(error: Exception) -> str:

@@ -51,7 +51,7 @@ class DriverNode(Node):
     def __init__(self, on_failure: Fail, connect: Connect = connect_franky, **options: Any) -> None:
         """Connect and begin to drive. on_failure: told, once, of what ended the driving."""
         super().__init__("panda_driver", **options)
-        self._parameters = parameters = read_parameters(self)
+        self._settings = parameters = read_parameters(self)
         robot = parameters.robot
         arm, hand = connect(parameters)
         self._states = self.create_publisher(JointState, topics.JOINT_STATES, 10)
@@ -83,10 +83,10 @@ class DriverNode(Node):
             self.get_logger().error(state.fault)
         self._last_fault = state.fault
         now = time.monotonic()
-        if now - self._published < 0.9 / self._parameters.joint_state_rate:
+        if now - self._published < 0.9 / self._settings.joint_state_rate:
             return
         self._published = now
-        robot, rest = self._parameters.robot, np.zeros(0)
+        robot, rest = self._settings.robot, np.zeros(0)
         names, positions = robot.arm_joints, state.positions
         if self.hand is not None:
             names, rest = robot.joints, np.zeros(len(robot.finger_joints))

@@ -17,7 +17,6 @@ from panda_model.limits import ARM_DOF, FloatArray, JointLimits, frozen_array
 
 DEFAULT_PRESET = "panda"
 _FOLDER = Path(__file__).parent / "presets"
-_REPORTS = ("gripper_reports_full_width", "gripper_reports_stalled")
 _FRAMES = ("base", "flange", "hand", "tcp")
 
 
@@ -47,7 +46,6 @@ def _arm(name: str, content: dict[str, Any], path: Path) -> ArmModel:
     frames = _mapping(content, "frames", _FRAMES, path)
     limits = _mapping(content, "limits", [f.name for f in fields(JointLimits)], path)
     description = _mapping(content, "description", [f.name for f in fields(Description)], path)
-    reports = {key: _yes_or_no(content, key, path) for key in _REPORTS}
     return ArmModel(
         name=name,
         prefix=str(frames["flange"]).removesuffix("link8"),  # the base may have a name of its own
@@ -59,7 +57,8 @@ def _arm(name: str, content: dict[str, Any], path: Path) -> ArmModel:
         **{f"{key}_frame": str(frames[key]) for key in _FRAMES},
         arm_action=str(content["arm_action"]),
         gripper_action=str(content["gripper_action"]),
-        **reports,
+        gripper_reports_full_width=_yes_or_no(content, "gripper_reports_full_width", path),
+        gripper_reports_stalled=_yes_or_no(content, "gripper_reports_stalled", path),
         description=Description(**{key: str(value) for key, value in description.items()}),
         hand=_hand(content["hand"], path),
     )

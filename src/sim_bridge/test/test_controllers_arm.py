@@ -205,6 +205,16 @@ def test_reflexes_abort_before_motion(case):
     assert bench.arm.positions == pytest.approx(HOME, abs=1e-9)
 
 
+@pytest.mark.parametrize("case", REFLEXES)
+def test_a_check_beforehand_finds_what_would_be_aborted(case):
+    bench = Bench()
+    with pytest.raises(GoalRejectedError) as error:
+        bench.controller.check(TrajectoryGoal(NAMES, tuple(REFLEXES[case])), bench.time, bench.arm)
+    assert error.value.code is ErrorCode.INVALID_GOAL
+    bench.controller.check(swing(), bench.time, bench.arm)
+    assert bench.controller.active is None
+
+
 def test_a_waypoint_with_velocity_is_led_in_smoothly():
     bench = Bench()
     execution = bench.start(TrajectoryGoal(NAMES, (point(1.0, far(0, 0.3), [0] * 7, [0] * 7),)))
