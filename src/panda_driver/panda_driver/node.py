@@ -11,6 +11,7 @@ import numpy as np
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.node import Node
+from rosgraph_msgs.msg import Clock as ClockMessage
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Empty
 from std_srvs.srv import Trigger
@@ -27,7 +28,7 @@ from panda_driver.node_parameters import DriverParameters, read_parameters
 from panda_driver.ports import ArmPort, ArmState, HandPort
 from sim_bridge.control.arm_reflex import ArmControllerConfig
 from sim_bridge.control.heartbeat import HeartbeatWatchdog
-from sim_bridge.conversions import joint_state_to_msg
+from sim_bridge.conversions import joint_state_to_msg, time_to_msg
 
 _RECOVERY_TIME = 10.0  # for the arm to clear its errors [s]
 
@@ -55,6 +56,7 @@ class DriverNode(Node):
         robot = parameters.robot
         arm, hand = connect(parameters)
         self._states = self.create_publisher(JointState, topics.JOINT_STATES, 10)
+        self._arm_clock = self.create_publisher(ClockMessage, topics.CLOCK, 10) if parameters.publish_clock else None
         self._published = 0.0
         self._last_fault = ""
         self.loop = ArmLoop(arm, ArmControllerConfig.for_arm(robot), self._on_state, on_failure)
@@ -86,13 +88,16 @@ class DriverNode(Node):
         if now - self._published < 0.9 / self._settings.joint_state_rate:
             return
         self._published = now
+        stamp = self.get_clock().now().nanoseconds * 1e-9
+        if self._arm_clock is not None:
+            stamp = state.time
+            self._arm_clock.publish(ClockMessage(clock=time_to_msg(stamp)))
         robot, rest = self._settings.robot, np.zeros(0)
         names, positions = robot.arm_joints, state.positions
         if self.hand is not None:
             names, rest = robot.joints, np.zeros(len(robot.finger_joints))
             positions = np.concatenate([positions, rest + self.hand.state.width / 2.0])
         velocities, efforts = np.concatenate([state.velocities, rest]), np.concatenate([state.efforts, rest])
-        stamp = self.get_clock().now().nanoseconds * 1e-9
         self._states.publish(joint_state_to_msg(names, positions, velocities, efforts, stamp))
 
     def _watch(self) -> None:

@@ -21,7 +21,7 @@ class DriverParameters:
     """Values of the node's parameters.
 
     address: of the arm; with_hand: whether a hand is driven; heartbeat_timeout [s]: of the executor's, wall clock;
-    joint_state_rate [Hz]: at most.
+    joint_state_rate [Hz]: at most; publish_clock: whether the arm's own time is the graph's, for a simulator of it.
     """
 
     robot: ArmModel
@@ -30,6 +30,7 @@ class DriverParameters:
     with_hand: bool
     heartbeat_timeout: float
     joint_state_rate: float
+    publish_clock: bool
 
 
 def read_parameters(node: Node) -> DriverParameters:
@@ -76,4 +77,5 @@ def read_parameters(node: Node) -> DriverParameters:
         bool(get("gripper", True)),
         number("heartbeat_timeout", 0.5, 0.1, 60.0),
         number("joint_state_rate", 200.0, 1.0, 1000.0),
+        bool(get("publish_clock", False)),
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
 
 import pytest
@@ -14,6 +15,8 @@ from rclpy.context import Context
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from ros_domain import next_domain
+from rosgraph_msgs.msg import Clock as ClockMessage
+from sensor_msgs.msg import JointState
 from std_msgs.msg import Empty
 from std_srvs.srv import Trigger
 
@@ -27,6 +30,7 @@ from panda_driver.conformance.plan import small_motion
 from panda_driver.conformance.subject import Bounds, End
 from panda_driver.errors import DriverError
 from panda_driver.node import DriverNode
+from sim_bridge.conversions import time_from_msg
 
 WAIT = 30.0  # s, after which a test gives up; nothing is measured by it
 # The fake arm's clock goes on by 10 ms with each of the loop's turns, however long these take.
@@ -82,6 +86,34 @@ def test_the_driver_conforms(bench: Bench) -> None:
     outcomes = run_checks(bench.client, CHECKS, lambda _: None)
     assert not [outcome for outcome in outcomes if not outcome.passed]
     assert not bench.failures
+
+
+def test_the_arms_own_time_is_the_graphs_where_that_is_asked_for() -> None:
+    context = Context()
+    rclpy.init(context=context, domain_id=next_domain())
+    arm = FakeArm()
+    node = DriverNode(
+        lambda _: None, lambda _: (arm, None), context=context, parameter_overrides=parameters(publish_clock=True)
+    )
+    user = Node("user", context=context)
+    clocks: list[float] = []
+    stamps: list[float] = []
+    user.create_subscription(
+        ClockMessage, topics.CLOCK, lambda message: clocks.append(time_from_msg(message.clock)), 10
+    )
+    user.create_subscription(
+        JointState, topics.JOINT_STATES, lambda message: stamps.append(time_from_msg(message.header.stamp)), 10
+    )
+    spinner = SpinThread(user, lambda _: None, context)
+    for _ in range(int(WAIT / 0.01)):
+        if len(clocks) > 5 and len(stamps) > 5:
+            break
+        time.sleep(0.01)
+    node.close()
+    spinner.stop()
+    rclpy.try_shutdown(context=context)
+    assert len(clocks) > 5 and len(stamps) > 5
+    assert all(100.0 <= moment <= arm.time + 0.01 for moment in [*clocks, *stamps])
 
 
 def test_a_lost_heartbeat_stops_the_arm(bench: Bench) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import json
 import sys
 from collections.abc import Callable, Sequence
@@ -13,6 +12,7 @@ import rclpy
 from rclpy.node import Node
 from rclpy.utilities import remove_ros_args
 
+from cliport_core.command_line import CommandParser
 from cliport_core.errors import CoreError
 from cliport_core.ros_running import SpinThread
 from panda_driver.conformance.checks import CHECKS, Check, CheckFailedError
@@ -59,8 +59,8 @@ def _settle(subject: Subject) -> None:
     subject.wait(rests, _SETTLE)
 
 
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+def _parser() -> CommandParser:
+    parser = CommandParser(
         prog="conformance",
         description="Tests the arm whose driver runs. IT MOVES: each joint by a few degrees, and the fingers.",
     )
