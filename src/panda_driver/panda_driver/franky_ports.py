@@ -27,8 +27,9 @@ class ArmSettings:
     """Settings of the arm, made before it is controlled.
 
     torque_threshold [N m], force_threshold [N]: above these a contact stops the arm; load_mass [kg] and load_center [m,
-    in the flange's frame] of what is mounted beside the hand known to the arm; stiffness (7,) [N m/rad] of the joints
-    towards their reference, whose damping is critical; realtime: whether a real-time kernel is asked for.
+    in the flange's frame] of what is mounted beside the hand known to the arm, taken for a small body; stiffness (7,)
+    [N m/rad] of the joints towards their reference, whose damping is critical; realtime: whether a real-time kernel is
+    asked for.
     """
 
     torque_threshold: float = 40.0
