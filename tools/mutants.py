@@ -42,9 +42,9 @@ def copy_tree(tree: Path) -> None:
             shutil.copy2(ROOT / name, tree / name)
 
 
-def fingerprint(package: str) -> str:
-    """Digest of the package's sources and tests."""
-    digest = hashlib.sha256()
+def fingerprint(package: str, leave_out: list[str]) -> str:
+    """Digest of the package's sources and tests, and of what is left out of them."""
+    digest = hashlib.sha256(" ".join(sorted(leave_out)).encode())
     for path in sorted((Path("src") / package).rglob("*.py")):
         digest.update(str(path).encode() + path.read_bytes())
     return digest.hexdigest()
@@ -130,6 +130,7 @@ def tell(found: list[dict[str, Any]], options: argparse.Namespace, path: Path) -
     killed = counts["killed"] + counts["timeout"]
     share = round(100.0 * killed / judged, 1) if judged else None
     report = {"package": options.package, "sample": options.sample, "seed": options.seed, "budget_s": options.budget}
+    report["left_out"] = options.leave_out
     path.write_text(
         json.dumps(report | {"outcomes": counts, "killed_percent": share, "mutants": found}, indent=1) + "\n"
     )
@@ -143,6 +144,7 @@ def main() -> None:
     parser.add_argument("--sample", type=int, default=30, help="places that are mutated")
     parser.add_argument("--seed", type=int, default=0, help="of the sample")
     parser.add_argument("--budget", type=float, default=60.0, help="seconds of tests a mutant, as they take without it")
+    parser.add_argument("--leave-out", nargs="+", default=[], metavar="FILE", help="test files that are not used")
     options = parser.parse_args()
     register()
     folder = ROOT / "out" / "mutants" / options.package
@@ -150,11 +152,11 @@ def main() -> None:
     os.chdir(folder / "tree")
     own = str(Path("src", options.package).resolve())
     os.environ["PYTHONPATH"] = os.pathsep.join([own, os.environ.get("PYTHONPATH", "")])
-    known, key = folder / "key", fingerprint(options.package)
+    known, key = folder / "key", fingerprint(options.package, options.leave_out)
     if not known.exists() or known.read_text() != key:
         for name in ("baseline.txt", "coverage", "key", *(path.name for path in folder.glob("*.sqlite"))):
             (folder / name).unlink(missing_ok=True)
-    tests = Tests(options.package, folder)
+    tests = Tests(options.package, folder, options.leave_out)
     known.write_text(key)
     if tests.failing:
         print(f"left out, for they fail without any mutant: {', '.join(sorted(tests.failing))}")

@@ -49,6 +49,13 @@ def test_what_cannot_be_acted_on_fails_in_one_short_line(text: str, words: str) 
     assert not world.goals
 
 
+@pytest.mark.parametrize(("length", "end"), [(60, ""), (61, "...")])
+def test_what_is_no_instruction_is_shown_up_to_its_sixtieth_character(length: int, end: str) -> None:
+    world = World()
+    world.say("no\x1b" + "x" * (length - 3))
+    assert world.server.status.instruction == "no " + "x" * 57 + end
+
+
 def test_a_new_instruction_replaces_the_old_after_its_motion_has_ended() -> None:
     world = World()
     world.start_moving()
