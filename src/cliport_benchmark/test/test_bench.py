@@ -32,6 +32,10 @@ def test_rows_that_were_measured_are_written(tmp_path: Path, monkeypatch: pytest
     assert [row["name"] for row in json.loads(out.read_text())["rows"]] == ["one", "half", "two"]
 
 
+def test_a_row_has_median_least_and_largest_to_two_digits() -> None:
+    assert bench.row("name", [1.006, 3.3333, 0.99444], "ms") == bench.Row("name", 1.01, 0.99, 3.33, "ms", 3)
+
+
 def test_an_interrupt_writes_what_was_measured(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from cliport_benchmark.errors import OptionError
+from cliport_benchmark.experiment import Experiment, train_experiment
 from cliport_benchmark.experiment_cli import main
 
 TASK = "put-blocks-in-bowls-seen-colors"
@@ -33,3 +37,20 @@ def test_bad_input_is_one_clear_line(
     assert main([*command(tmp_path), *change]) == 1
     lines = [line for line in capfd.readouterr().err.splitlines() if line.startswith("error: ")]
     assert len(lines) == 1 and words in lines[0]
+
+
+def test_training_goes_on_in_the_folder_of_the_same_settings_only(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    trained: list[Path] = []
+    monkeypatch.setattr("cliport_benchmark.experiment._train", lambda _, folder, *__: trained.append(folder))
+    experiment = Experiment(task=TASK, config="compact", n_demos=2, steps=4, keep_steps=(4,))
+    folder = tmp_path / experiment.folder
+    for _ in range(2):
+        train_experiment(experiment, tmp_path, tmp_path / "data", lambda _: None)
+    assert trained == [folder / "train"] * 2
+    assert json.loads((folder / "settings.json").read_text())["steps"] == 4
+    longer = replace(experiment, steps=5)
+    with pytest.raises(OptionError, match=r"holds an experiment of other settings \(steps 4 not 5\)"):
+        train_experiment(longer, tmp_path, tmp_path / "data", lambda _: None)
+    assert len(trained) == 2

@@ -125,7 +125,9 @@ def test_the_bag_is_as_a_camera_driver_writes_it(episode: Episode) -> None:
     assert (depth.encoding, depth.width, depth.height) == ("16UC1", 960, 540)
     info = decode(messages["/camera/color/camera_info"])
     assert info.header.frame_id == depth.header.frame_id and info.k[0] == pytest.approx(540.0)
-    assert "/tf_static" in messages and "/joint_states" in messages
+    joints = decode(messages["/joint_states"])
+    assert "/tf_static" in messages and len(joints.name) == len(joints.velocity) == len(joints.effort) == 9
+    assert list(joints.effort[-2:]) == [0.0, 0.0]  # the hand measures none
     assert messages["/camera/color/camera_info"].stamp_ns < messages["/camera/color/image_raw"].stamp_ns
 
 

@@ -219,6 +219,7 @@ def test_other_tasks_have_a_section_of_their_own(tmp_path: Path, capsys: pytest.
     assert "towers-of-hanoi-seq-full" not in before
     table = list(csv.DictReader((tmp_path / "results.csv").open()))
     assert len(table) == 19 and table[-1]["task"] == "towers-of-hanoi-seq-full"
+    assert [row["task"] for row in table[:-1]] == list(LANGUAGE_SPLITS)  # also those that were not evaluated
 
 
 def test_what_is_no_evaluation_is_one_line_each(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

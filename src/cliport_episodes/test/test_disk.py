@@ -40,6 +40,21 @@ def test_a_copy_that_fails_leaves_nothing(tmp_path: Path, monkeypatch: pytest.Mo
     assert [path.name for path in tmp_path.iterdir()] == ["source"]
 
 
+def test_a_text_that_cannot_be_replaced_stays_and_leaves_nothing_beside_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "text"
+    path.write_text("old")
+
+    def refuse(number: int) -> None:
+        raise OSError("no space left")
+
+    monkeypatch.setattr(disk.os, "fsync", refuse)
+    with pytest.raises(OSError, match="no space left"):
+        disk.replace_text(path, "new")
+    assert [(found.name, found.read_text()) for found in tmp_path.iterdir()] == [("text", "old")]
+
+
 def test_another_setup_is_named_with_its_differences() -> None:
     error = SetupDiffersError("mine", ["fx is 60, not 61", "height is 48, not 96"])
     assert error.differences == ("fx is 60, not 61", "height is 48, not 96")

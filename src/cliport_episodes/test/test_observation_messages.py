@@ -60,3 +60,11 @@ def test_the_camera_of_rectified_images_is_the_setups(seen: Observation, setup: 
     assert observation_from_messages(messages, "here", setup).camera == setup.camera
     smaller = replace(setup, camera=replace(setup.camera, width=32, height=24))
     assert observation_from_messages(messages, "here", smaller).camera == seen.camera
+
+
+def test_the_camera_info_is_of_the_whole_image(seen: Observation) -> None:
+    (raw,) = (raw for raw in messages_from_observation(seen, "camera", "base") if raw.topic.endswith("camera_info"))
+    info = decode(raw)
+    roi = info.roi
+    assert (roi.x_offset, roi.y_offset, roi.height, roi.width, roi.do_rectify) == (0, 0, 0, 0, False)
+    assert (info.binning_x, info.binning_y, info.height, info.width) == (0, 0, 48, 64)

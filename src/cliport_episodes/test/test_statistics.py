@@ -63,6 +63,11 @@ def test_bias_is_said(record: StepRecord) -> None:
         "instruction 'put the red block'" in line for line in lines
     )
     assert any("one square" in line for line in count([record] * 20).biases())
+    for x, y, empty in ((0.44, -0.01, {"left", "far"}), (0.46, 0.01, {"right", "near"})):  # beside the middle
+        lines = count([at(x, y, "put it")] * 20).biases()
+        assert {
+            line.split(" half ")[0].split()[-1] for line in lines if "picks lie" in line and "half" in line
+        } == empty
 
 
 def test_an_empty_data_set_has_statistics(data_set: DataSet, tmp_path: Path) -> None:
@@ -106,6 +111,8 @@ def test_a_sheet_shows_each_step_and_its_boxes(
     sheet = cv2.imread(str(tmp_path / "sheet.png"))
     assert sheet is not None and sheet.shape[1] == 3 * 488
     pick_edge = sheet[40 + 75, 200]  # the box's upper edge, 10 of 48 rows down
-    assert pick_edge[2] > 200 and pick_edge[0] < 100
+    right_edge = sheet[40 + 120, 225]  # 30 of 64 columns
+    for edge in (pick_edge, right_edge):
+        assert edge[2] > 200 and edge[0] < 100
     broken.write_bytes(b"")
     draw_contact_sheet(data_set.episode(name), tmp_path / "sheet.png")
