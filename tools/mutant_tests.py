@@ -50,16 +50,15 @@ class Tests:
         """The quickest tests for a place, as many as take `budget` [s], at least one; and how long they may take [s].
 
         Those that run one of the lines; where none does (it runs once, on import, or in a process of its own),
-        those that run anything of the module, else those that start processes, and those that look at definitions.
+        those that run anything of the module, those that start processes, and those that look at definitions.
         """
         by_line = self._reach.contexts_by_lineno(str(Path(spec.module_path).resolve()))
         lines = range(spec.start_pos[0], spec.end_pos[0] + 1)
         here = {context for line in lines for context in by_line.get(line, ())} - {""}
         anywhere = {context for contexts in by_line.values() for context in contexts} - {""}
         names = {context.rsplit("|", 1)[0] for context in here or anywhere}
-        if not names:
-            names = {name for name in self.seconds if name.split("::")[0] in self._starts_processes}
         if not here:
+            names |= {name for name in self.seconds if name.split("::")[0] in self._starts_processes}
             names |= {name for name in self.seconds if name.split("::")[0].endswith(DEFINITIONS)}
         chosen: list[str] = []
         spent = 0.0

@@ -15,8 +15,11 @@ from pathlib import Path
 import pytest
 from ros_domain import next_domain
 
-for package in ("rclpy", "cliport_interfaces"):
-    pytest.importorskip(package, exc_type=ImportError)
+pytest.importorskip("rclpy", exc_type=ImportError)
+pytest.importorskip("cliport_interfaces", exc_type=ImportError)
+
+from demo_tool import app
+from demo_tool.web.access import AccessRule
 
 COMMAND = [sys.executable, "-c", "from demo_tool.app import main; raise SystemExit(main())"]
 ENVIRONMENT = os.environ | {"ROS_DOMAIN_ID": str(next_domain())}
@@ -76,6 +79,20 @@ def test_beyond_loopback_it_prints_the_address_with_its_token(tmp_path: Path) ->
     assert status(int(found[1]), "/") == 401 and status(int(found[1]), found[2]) == 303
     process.terminate()
     assert process.wait(timeout=15) == 0
+
+
+@pytest.mark.parametrize(
+    ("host", "tls", "address"),
+    [
+        ("127.0.0.1", False, "http://127.0.0.1:8080/"),
+        ("127.0.0.1", True, "https://127.0.0.1:8080/"),
+        ("::1", True, "https://[::1]:8080/"),
+        ("0.0.0.0", False, f"http://{os.uname().nodename}:8080/?token=0123456789abcdef"),
+    ],
+)
+def test_the_address_that_is_printed_can_be_opened(host: str, tls: bool, address: str) -> None:
+    rule = AccessRule.for_address(host, "0123456789abcdef" if "token" in address else None)
+    assert app._address(host, 8080, rule, tls) == f"Open {address} in a browser; Ctrl+C ends this."
 
 
 def test_a_token_from_a_file_is_asked_for_on_loopback_too_and_is_in_no_list_of_processes(tmp_path: Path) -> None:

@@ -54,8 +54,10 @@ def test_a_plan_that_waits_is_shown_with_its_id(waiting) -> None:
 
 
 def test_the_plan_that_is_shown_is_approved_once_and_executed(waiting) -> None:
+    before = waiting.station.changed
     waiting.do("approve", plan=PLAN)
     assert waiting.arm.asked == [PLAN] and waiting.view["approval"]["asked"]
+    assert waiting.station.changed > before, "other pages are told"
     assert "on its way" in waiting.refused("approve", plan=PLAN)
     waiting.arm.answer(True, f"plan {PLAN} is approved")
     assert waiting.view["approval"] is None and waiting.last == f"plan {PLAN} is approved"

@@ -81,3 +81,10 @@ def test_the_policys_crop_is_a_box_around_its_pose() -> None:
     inside = TABLE.box_around(BLOCKS[0], 0)
     assert box.top < inside[0] + 12 and box.bottom > inside[2] - 5 and box.left < inside[1] and box.right > inside[3]
     assert box_around(VIEW, PlanarPose(0.45, 5.0, 0.0), 0.08, 0.0) is None
+
+
+def test_a_box_reaches_to_the_pictures_edges_and_no_further() -> None:
+    camera = VIEW.camera
+    box = box_around(VIEW, PlanarPose(0.45, 0.0, 0.0), 1.6, 0.0)
+    assert box is not None
+    assert box == PixelBox(box.top, 0, camera.height, camera.width)

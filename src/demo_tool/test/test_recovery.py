@@ -53,6 +53,15 @@ def test_it_is_offered_where_the_arm_is_measured_away(bench) -> None:
     assert "the policy server is moving the arm" in bench.refused("recover")
 
 
+def test_an_arm_that_is_taken_while_it_is_asked_for_does_not_recover(away, monkeypatch) -> None:
+    def taken() -> None:
+        away.station.on_policy_status(ServerStatus(PolicyState.EXECUTING, "step 1: CARRY", "something else"))
+
+    monkeypatch.setattr(away.arm, "fault", taken)
+    assert "the policy server is moving the arm" in away.refused("recover")
+    assert away.arm.recoveries == 0
+
+
 @pytest.mark.parametrize(
     ("positions", "is_home"),
     [

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -296,6 +297,7 @@ def test_an_executor_that_dies_on_the_way(rig: Rig) -> None:
     assert "the arm was lost: the executor gives no sign of life" in words
     with pytest.raises(StationError, match="no sign of life"):
         rig.do("execute")
+    rig.until(lambda _: int(re.search(r"no sign of life for (\d+) s", rig.link.arm.fault())[1]) > 2)
 
 
 def test_an_executor_whose_stop_cannot_be_reached_is_not_asked_to_move(rig: Rig) -> None:

@@ -105,6 +105,8 @@ def test_a_preview_says_whether_the_arm_could(bench) -> None:
     bench.arm.result = ActionResult(Outcome.PLANNING_FAILED, "out of reach")
     bench.do("preview")
     assert bench.view["plan"] == {"reachable": False, "words": "out of reach"} and bench.state == "failed"
+    bench.do("clear")
+    assert bench.view["plan"] is None, "what is no longer drawn has no plan"
     assert bench.steps == []
 
 

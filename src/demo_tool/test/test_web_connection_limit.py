@@ -20,7 +20,6 @@ from demo_tool.web.guard import COOKIE
 from demo_tool.web.server import AddressError, TlsFiles
 
 TOKEN = "a-long-enough-token"
-STOP_S = 0.3
 
 
 @pytest.fixture
@@ -49,12 +48,10 @@ def test_idle_connections_keep_nobody_from_the_stop(guarded: Workplace, count: i
         assert stop(guarded, open_before) == 204
         guarded.station.command("resume", {})
         idle_sockets(stack, guarded, count)
-        began = time.monotonic()
         assert stop(guarded, open_before) == 204  # an admitted connection is not closed for pending ones
         newcomer = http.client.HTTPConnection("127.0.0.1", guarded.port, timeout=5)
         stack.callback(newcomer.close)
         assert stop(guarded, newcomer) == 204
-        assert time.monotonic() - began < 2 * STOP_S
     assert guarded.arm.stops >= 3
 
 

@@ -6,7 +6,9 @@ import socket
 import threading
 import time
 from collections.abc import Iterator
+from types import SimpleNamespace
 
+import anyio
 import cv2
 import numpy as np
 import pytest
@@ -14,6 +16,7 @@ from web_workplace import DATA_SET, Workplace, workplace
 
 from cliport_core.errors import EncodingError
 from demo_tool.web.jpeg import LEVELS, START_LEVEL, JpegCache, encode, next_level
+from demo_tool.web.pictures import Pictures
 
 
 @pytest.fixture(scope="module")
@@ -127,6 +130,31 @@ def test_pages_that_leave_give_their_threads_back(place: Workplace) -> None:
     while (status := get(place, "/picture/color.jpg")[0]) == 503:  # all threads wait for those who left
         assert time.monotonic() < end
     assert status == 200 and threads() < 40
+
+
+class NoCamera:
+    """A station to which no picture comes; counts how often it is asked."""
+
+    def __init__(self) -> None:
+        self.asked = 0
+
+    def picture(self, name: str, after: int, timeout: float) -> None:
+        self.asked += 1
+
+
+@pytest.mark.parametrize(("ending", "gone"), [(True, False), (False, True)])
+def test_nobody_waits_on_for_a_page_that_is_gone_or_a_server_that_ends(ending: bool, gone: bool) -> None:
+    async def is_disconnected() -> bool:
+        return gone
+
+    async def ask() -> int:
+        pictures = Pictures(station)  # type: ignore[arg-type]
+        return (await pictures.live(request)).status_code  # type: ignore[arg-type]
+
+    station, app = NoCamera(), SimpleNamespace(state=SimpleNamespace(ending=ending))
+    request = SimpleNamespace(path_params={"name": "color"}, query_params={}, app=app, is_disconnected=is_disconnected)
+    assert anyio.run(ask) == 204
+    assert station.asked == 1
 
 
 def test_several_pages_cost_one_encoding() -> None:
