@@ -117,3 +117,9 @@ def test_what_is_not_there_is_said(data_set: DataSet, path: Path) -> None:
     episode = read_episode(path)
     with pytest.raises(EpisodeError, match="no step 7: it has 0, 1, 2"):
         episode.step(7)
+
+
+def test_an_episode_without_a_step_is_said(data_set: DataSet) -> None:
+    writer = EpisodeWriter.create(data_set.path, data_set.setup)
+    found = check_episode(read_episode(writer.path), data_set.setup)
+    assert found[0] == "it has no step" and found[1].startswith("it was not finished")

@@ -59,6 +59,9 @@ def test_bias_is_said(record: StepRecord) -> None:
     lines = count(right).biases()
     assert any("picks lie in the left half" in line for line in lines)
     assert any("places lie in the right half" in line for line in lines)
+    assert any(line.startswith("0 % of the picks lie in the left half") for line in lines)
+    one_of_20 = count([*right[:19], at(0.5, 0.3, "put it")]).biases()
+    assert any(line.startswith("5 % of the picks lie in the left half") for line in one_of_20)
     assert any("colour 'red'" in line for line in lines) and any(
         "instruction 'put the red block'" in line for line in lines
     )

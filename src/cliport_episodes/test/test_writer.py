@@ -52,6 +52,9 @@ def test_the_plain_library_reads_all_in_the_order_of_time(data_set: DataSet, add
         assert reader.duration < 21e9, "transforms that were sent long before do not stretch the bag"
         offers = [(c.topic, offer.durability) for c in reader.connections for offer in c.ext.offered_qos_profiles]
         assert offers == [("/tf_static", QosDurability.TRANSIENT_LOCAL)]
+        (offer,) = (offer for c in reader.connections for offer in c.ext.offered_qos_profiles)
+        durations = {offer.deadline, offer.lifespan, offer.liveliness_lease_duration}
+        assert {duration.sec * 10**9 + duration.nsec for duration in durations} == {2**63 - 1}  # rmw's "infinite"
         assert all(c.msgdef.data and c.digest.startswith("RIHS01_") for c in reader.connections)
         custom = reader.storage.metadata.custom
         assert (custom["cliport_format"], custom["success"]) == ("1", "true")
