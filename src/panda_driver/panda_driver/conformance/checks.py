@@ -10,6 +10,7 @@ import numpy as np
 from panda_driver.conformance.plan import MotionPlan, deviation, small_motion, spread, straight_motion
 from panda_driver.conformance.subject import End, RunningGoal, Sample, Subject
 from panda_driver.errors import DriverError
+from panda_model.limits import FloatArray
 
 _WATCH = 1.0  # for which the joint states are looked at [s]
 _OTHER_CLOCK = 1e6  # stamps so far off come from another clock [s]
@@ -61,7 +62,7 @@ def follows(subject: Subject) -> str:
     if goal.end is not End.SUCCEEDED:
         raise CheckFailedError(f"the goal {_words(goal)}")
     took = goal.ended_at - begin
-    measured = [sample.arm for sample in subject.samples(begin)]
+    measured = _measured(subject, begin)
     off, short = deviation(plan, measured), float(np.abs(measured[-1] - plan.positions[-1]).max())
     if short > bounds.path:
         raise CheckFailedError(f"it says that it is there, and is {short:.3f} rad away (at most {bounds.path:g})")
@@ -128,7 +129,7 @@ def cancels(subject: Subject) -> str:
     subject.wait(lambda: subject.now() - goal.ended_at >= bounds.settle, 10.0)
     begin = subject.now()
     subject.wait(lambda: subject.now() - begin >= _WATCH, 10.0 * _WATCH)
-    moved = spread([sample.arm for sample in subject.samples(begin)])
+    moved = spread(_measured(subject, begin))
     if moved > bounds.still:
         raise CheckFailedError(f"it goes on by {moved:.3f} rad after it was canceled")
     return f"ended {goal.ended_at - asked:.2f} s after it was asked to, then moved by {1000.0 * moved:.1f} mrad"
@@ -207,6 +208,18 @@ def _latest(subject: Subject) -> Sample:
     return samples[-1]
 
 
+def _measured(subject: Subject, since: float) -> list[FloatArray]:
+    """Return the positions (7,) [rad] measured from `since` [s] on, one from after the call among them.
+
+    Raises:
+        CheckFailedError: when none comes any more: an arm that ends a goal at once would have been seen nowhere.
+    """
+    now = subject.now()
+    if not subject.wait(lambda: bool(subject.samples(now)), 5.0 * subject.bounds.spare):
+        raise CheckFailedError("no joint state came after the goal's end")
+    return [sample.arm for sample in subject.samples(since)]
+
+
 def _small(subject: Subject, start: np.ndarray | None = None) -> MotionPlan:
     bounds = subject.bounds
     start = _latest(subject).arm if start is None else start
@@ -238,7 +251,7 @@ def _refuses(subject: Subject, plan: MotionPlan, joints: list[str] | None = None
     begin = subject.now()
     goal = subject.follow(joints or subject.robot.arm_joints, plan)
     subject.wait(lambda: goal.end is not None, subject.bounds.patience + 5.0 * subject.bounds.spare)
-    moved = spread([sample.arm for sample in subject.samples(begin)])
+    moved = spread(_measured(subject, begin))
     if goal.end not in (End.REJECTED, End.ABORTED):
         goal.cancel()
         subject.wait(lambda: goal.end is not None, 5.0)
