@@ -7,7 +7,7 @@ import threading
 import time as clock
 from collections.abc import Callable
 
-from panda_driver.errors import HandFaultError, HandGoalError
+from panda_driver.errors import DriverError, HandFaultError, HandGoalError
 from panda_driver.ports import HandMotion, HandPort, HandState
 from panda_model import HandModel
 from sim_bridge.control.goal_status import GoalStatus
@@ -88,7 +88,7 @@ class Hand:
                 else self._port.move(width, self._model.speed)
             )
             return self._end(motion, width, effort if closes else 0.0)
-        except HandFaultError as error:
+        except DriverError as error:  # a lost hand, too: its reading ends the driver
             return GoalStatus.ABORTED, self.report(), str(error)
         finally:
             self._busy.release()

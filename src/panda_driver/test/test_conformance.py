@@ -114,3 +114,8 @@ def test_an_arm_that_is_not_there_is_named(monkeypatch: pytest.MonkeyPatch, capf
     assert conformance.main(["--arm", "fr3"]) == 2
     assert "nothing at /fr3_arm_controller/follow_joint_trajectory" in capfd.readouterr().err
     assert conformance.main(["--arm", "pr2"]) == 2
+
+
+def test_no_check_at_all_is_not_passed(capfd: pytest.CaptureFixture[str]) -> None:
+    assert conformance.main(["--only", "hand_moves", "--no-hand"]) == 2
+    assert "leaves none of the checks" in capfd.readouterr().err

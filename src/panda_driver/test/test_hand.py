@@ -7,7 +7,7 @@ import threading
 import pytest
 from fake_franka import ARM, FakeHand
 
-from panda_driver.errors import HandFaultError, HandGoalError
+from panda_driver.errors import ConnectionFailedError, HandFaultError, HandGoalError
 from panda_driver.hand import Hand
 from sim_bridge.control.goal_status import GoalStatus
 from sim_bridge.control.gripper_controller import GripperGoal
@@ -104,3 +104,15 @@ def test_a_hand_that_fails_aborts_in_words() -> None:
     port.fails = "the hand failed: no power"
     status, _, words = make(port).execute(CLOSE)
     assert (status, words) == (GoalStatus.ABORTED, "the hand failed: no power")
+
+
+def test_a_hand_that_is_lost_while_it_is_told_ends_the_goal(monkeypatch: pytest.MonkeyPatch) -> None:
+    port = FakeHand()
+
+    def lost(width: float, speed: float, force: float) -> None:
+        raise ConnectionFailedError("the hand was lost")
+
+    monkeypatch.setattr(port, "grasp", lost)
+    hand = make(port)
+    status, _, words = hand.execute(CLOSE)
+    assert (status, words, hand.moving) == (GoalStatus.ABORTED, "the hand was lost", False)

@@ -85,6 +85,9 @@ def main(args: list[str] | None = None) -> int:
     try:
         robot = load_preset(options.arm)
         bounds = Bounds(**{field.name: getattr(options, field.name) for field in fields(Bounds)})
+        chosen = _chosen(options.only, options.no_hand)
+        if not chosen:
+            raise DriverError("--no-hand leaves none of the checks that --only names")
         rclpy.init(args=given)
         node = Node("panda_conformance")
         failures: list[BaseException] = []
@@ -95,7 +98,7 @@ def main(args: list[str] | None = None) -> int:
                 raise DriverError(
                     f"the {robot.name} is not there: nothing at {', '.join(missing)}; is its driver started?"
                 )
-            outcomes = run_checks(client, _chosen(options.only, options.no_hand), print)
+            outcomes = run_checks(client, chosen, print)
         finally:
             spinner.stop()
             node.destroy_node()
