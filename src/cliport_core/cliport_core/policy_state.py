@@ -24,7 +24,8 @@ class ServerStatus(NamedTuple):
     """The policy server's status as published; step counts the actions begun for the instruction.
 
     confidence, primitive: of the action that waits for approval or is executed; in other states None and PICK_PLACE,
-    and confidence is None where it is not known, too. proposal_id: of the action that waits; "" in other states.
+    and confidence is None where it is not known, too. proposal_id: of the proposal, or of the
+    executor's plan, that waits for approval; "" where none does.
     """
 
     state: PolicyState

@@ -36,6 +36,7 @@ class World:
         self.inferences: list[tuple[int, Any, str]] = []
         self.goals: list[tuple[int, ActionGoal]] = []
         self.cancelled: list[int] = []
+        self.approved: list[str] = []
         self.stops = self.resumes = 0
         self.server = PolicyServer(ServerConfig(**settings), self, self.check_instruction, self)
 
@@ -54,7 +55,7 @@ class World:
         if "block" not in instruction:
             raise InstructionError(f"the instruction '{instruction}' is not understood")
 
-    def approve(self) -> Answer:
+    def agree(self) -> Answer:
         """Approve what waits, or nothing."""
         return self.server.approve(self.statuses[-1].proposal_id if self.statuses else "", self.now)
 
@@ -75,6 +76,10 @@ class World:
 
     def resume(self) -> bool:
         self.resumes += 1
+        return self.ready
+
+    def approve(self, plan_id: str) -> bool:
+        self.approved.append(plan_id)
         return self.ready
 
     # events

@@ -142,7 +142,7 @@ def test_stop_while_thinking_moves_nothing() -> None:
 
 def test_approval_comes_before_every_motion() -> None:
     world = World(require_approval=True)
-    assert world.approve() == Answer(False, "nothing waits for approval: the server is IDLE")
+    assert world.agree() == Answer(False, "nothing waits for approval: the server is IDLE")
     world.say()
     world.see()
     world.think()
@@ -151,9 +151,9 @@ def test_approval_comes_before_every_motion() -> None:
     assert [status.confidence for status in world.statuses] == [None, None, 0.9]  # known when it waits
     world.wait(20.0)
     assert not world.goals
-    assert world.approve().success
+    assert world.agree().success
     assert len(world.goals) == 1
-    assert not world.approve().success
+    assert not world.agree().success
 
 
 def test_a_proposal_is_approved_by_its_id_alone() -> None:
@@ -176,15 +176,34 @@ def test_a_proposal_is_approved_by_its_id_alone() -> None:
     assert len(world.goals) == 1 and world.statuses[-1].proposal_id == ""
 
 
+def test_the_executors_plan_is_approved_through_the_server() -> None:
+    world = World()
+    world.start_moving()
+    token = world.goals[-1][0]
+    assert world.agree() == Answer(False, "nothing waits for approval: the server is EXECUTING")
+    world.server.on_feedback(token, "APPROVAL", world.now, "1a2b3c4d")
+    assert world.statuses[-1].proposal_id == "1a2b3c4d" and "1a2b3c4d waits for a call of" in world.message
+    assert "the plan that waits is 1a2b3c4d" in world.server.approve("", world.now).message
+    assert not world.approved
+    world.ready = False
+    assert world.agree() == Answer(False, "/panda_executor/approve is not there")
+    world.ready, world.approved = True, []
+    assert world.agree() == Answer(True, "the executor is told")
+    assert world.approved == ["1a2b3c4d"]
+    world.server.on_feedback(token, "DESCEND", world.now)
+    assert (world.state, world.statuses[-1].proposal_id) == (PolicyState.EXECUTING, "")
+    assert not world.server.approve("1a2b3c4d", world.now).success
+
+
 def test_an_old_proposal_is_made_again_instead_of_executed() -> None:
     world = World(require_approval=True, max_proposal_age=30.0)
     world.say()
     world.see()
     world.think()
     world.wait(31.0)
-    assert not world.approve().success
+    assert not world.agree().success
     assert world.state == PolicyState.OBSERVING
     assert not world.goals
     world.see()
     world.think()
-    assert world.approve().success
+    assert world.agree().success

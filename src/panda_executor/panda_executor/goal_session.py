@@ -103,7 +103,7 @@ class GoalSession:
         def on_plan(motions: Sequence[Motion]) -> bool:
             nonlocal plan_id
             plan_id = self._approvals.present(motions)
-            waits = self._parameters.require_approval and not message.plan_only
+            waits = not (self._parameters.auto_approve or message.plan_only)
             if waits:
                 self._approvals.offer(plan_id)
                 on_phase(Phase.APPROVAL, Phase.APPROVAL.progress())

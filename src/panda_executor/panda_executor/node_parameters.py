@@ -23,8 +23,8 @@ Choice = TypeVar("Choice", bound=Enum)
 class NodeParameters:
     """Values of the node's parameters; ages and waits in s.
 
-    require_approval: whether each plan waits for its approval, for at most approval_time; self_clearance: between links
-    of the arm [m]; owner_silence: of a motion's owner, until the motion is stopped; work_silence: between two looks at
+    auto_approve: False has each plan wait for its approval, for at most approval_time; self_clearance: between links of
+    the arm [m]; owner_silence: of a motion's owner, until the motion is stopped; work_silence: between two looks at
     a motion, until the heartbeat ends.
 
     require_owner: whether a goal that moves must name who asks for it.
@@ -41,7 +41,7 @@ class NodeParameters:
     cloud_behind: float
     cloud_wait: float
     max_ahead: float
-    require_approval: bool
+    auto_approve: bool
     approval_time: float
     require_owner: bool
     self_clearance: float
@@ -82,7 +82,7 @@ def read_parameters(node: Node) -> NodeParameters:
         max_joint_age=positive(get, "max_joint_age", 0.5),
         cloud_behind=not_negative(get, "cloud_behind", 0.0),
         cloud_wait=not_negative(get, "cloud_wait", 3.0),
-        require_approval=bool(get("require_approval", False)),
+        auto_approve=bool(get("auto_approve", False)),
         approval_time=positive(get, "approval_time", 30.0),
         require_owner=bool(get("require_owner", True)),
         self_clearance=positive(get, "self_clearance", 0.03),

@@ -62,7 +62,7 @@ class Session:
         parameters = NodeParameters(
             load_preset("panda"), "", ExecutorConfig(), WorkspaceSpec(),
             max_cloud_age=2.0, max_joint_age=0.5, cloud_behind=0.0, cloud_wait=0.0, max_ahead=0.25,
-            require_approval=False, approval_time=30.0, require_owner=True, self_clearance=0.03, watch=ArmWatch(),
+            auto_approve=True, approval_time=30.0, require_owner=True, self_clearance=0.03, watch=ArmWatch(),
             owner_silence=0.3, work_silence=0.25,
         )  # fmt: skip
         camera = CameraPlace("panda_link0")

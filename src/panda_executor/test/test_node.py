@@ -47,6 +47,7 @@ GOAL = ActionGoal(PickPlaceAction(PICK, PLACE))
 
 def start_executor(*parameters: str) -> subprocess.Popen[str]:
     command = [sys.executable, "-c", "from panda_executor.main import main; raise SystemExit(main())", "--ros-args"]
+    parameters = ("auto_approve:=true", *parameters)
     command += [part for parameter in parameters for part in ("-p", parameter)]
     return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=ENVIRONMENT)
 

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
+import yaml
 
 from cliport_core.errors import CoreError
 from panda_executor.config import AfterFailure, SearchAlgorithm
 from panda_executor.errors import ExecutorError
 from panda_executor.node_parameters import NodeParameters, read_parameters
+
+LAUNCH = Path(__file__).resolve().parents[3] / "src/cliport_bringup/launch"
 
 
 class Declaring:
@@ -82,3 +86,14 @@ def test_what_messages_name_as_a_remedy_can_be_set() -> None:
 def test_names_of_the_driver_leave_the_descriptions_alone() -> None:
     robot = read(base_frame="world", finger_joints=["left", "right"], robot="fr3").robot
     assert (robot.base_frame, robot.finger_joints, robot.prefix) == ("world", ("left", "right"), "fr3_")
+
+
+def test_a_person_approves_unless_told_otherwise_by_name() -> None:
+    assert read().auto_approve is False
+    assert read(auto_approve=True).auto_approve is True
+    asked = {}
+    for name in ("policy.launch.yaml", "sim.launch.yaml"):
+        launch = yaml.safe_load((LAUNCH / name).read_text())["launch"]
+        defaults = {part["arg"]["name"]: part["arg"]["default"] for part in launch if "default" in part.get("arg", {})}
+        asked[name] = defaults["auto_approve"]
+    assert asked == {"policy.launch.yaml": "false", "sim.launch.yaml": "true"}

@@ -18,6 +18,7 @@ from cliport_core import topics
 from cliport_core.action import ActionGoal
 from cliport_core.messages import goal_to_msg, result_from_msg
 from cliport_interfaces.action import PickPlace
+from cliport_interfaces.srv import ApprovePlan
 from cliport_policy.server.logic import PolicyServer
 from cliport_policy.server.types import Moment
 
@@ -36,6 +37,7 @@ class ExecutorLink:
         self._action = ActionClient(node, PickPlace, topics.PICK_PLACE)
         self._stop = node.create_client(Trigger, topics.EXECUTOR_STOP)
         self._resume = node.create_client(Trigger, topics.EXECUTOR_RESUME)
+        self._approve = node.create_client(ApprovePlan, topics.EXECUTOR_APPROVE)
         node.create_subscription(Empty, topics.HEARTBEAT, self._on_heartbeat, 10)
 
     def attach(self, server: PolicyServer) -> None:
@@ -64,15 +66,19 @@ class ExecutorLink:
 
     def stop(self) -> bool:
         """Call the executor's own, latching stop; return whether that service is there."""
-        return self._call(self._stop)
+        return self._call(self._stop, Trigger.Request())
 
     def resume(self) -> bool:
         """End the executor's stop; return whether that service is there."""
-        return self._call(self._resume)
+        return self._call(self._resume, Trigger.Request())
 
-    def _call(self, client: Any) -> bool:
+    def approve(self, plan_id: str) -> bool:
+        """Ask the executor to run its plan of that id; return whether that service is there."""
+        return self._call(self._approve, ApprovePlan.Request(plan_id=plan_id))
+
+    def _call(self, client: Any, request: Any) -> bool:
         if client.service_is_ready():
-            client.call_async(Trigger.Request())
+            client.call_async(request)
             return True
         self._node.get_logger().warning(f"service {client.srv_name} is not there: is the executor running?")
         return False
@@ -91,7 +97,10 @@ class ExecutorLink:
 
     def _on_feedback(self, token: int, message: Any) -> None:
         if self._server:
-            self._server.on_feedback(token, str(message.feedback.phase_name), self._now())
+            feedback = message.feedback
+            waits = feedback.phase == PickPlace.Feedback.PHASE_APPROVAL
+            plan_id = str(feedback.plan_id) if waits else ""
+            self._server.on_feedback(token, str(feedback.phase_name), self._now(), plan_id)
 
     def _on_result(self, token: int, response: Any) -> None:
         self._handles.pop(token, None)

@@ -105,12 +105,16 @@ class PolicyServer:
         self._observe("waiting for a fresh heightmap", now)
 
     def approve(self, proposal_id: str, now: Moment) -> Answer:
-        """Run the proposal of that id, and no other, as a person agrees to it."""
-        if self._status.state != PolicyState.WAITING_FOR_APPROVAL or self._proposal is None:
-            return Answer(False, f"nothing waits for approval: the server is {self._status.state.name}")
-        waiting = self._status.proposal_id
+        """Run the proposal, or have the executor run the plan, of that id and no other, as a person agrees to it."""
+        state, waiting = self._status.state, self._status.proposal_id
+        if not waiting or self._proposal is None:
+            return Answer(False, f"nothing waits for approval: the server is {state.name}")
+        kind = "plan" if state == PolicyState.EXECUTING else "proposal"
         if proposal_id != waiting:
-            return Answer(False, f"the proposal that waits is {waiting}, not {proposal_id or 'one without an id'}")
+            return Answer(False, f"the {kind} that waits is {waiting}, not {proposal_id or 'one without an id'}")
+        if state == PolicyState.EXECUTING:
+            told = self._executor.approve(waiting)
+            return Answer(told, "the executor is told" if told else f"{topics.EXECUTOR_APPROVE} is not there")
         age = (now.ros_ns - self._proposal.stamp_ns) * 1e-9
         if age > self.config.max_proposal_age:
             self._observe(f"the proposal is {age:.0f} s old, looking again", now)
@@ -190,10 +194,11 @@ class PolicyServer:
             if self._status.state == PolicyState.EXECUTING:
                 self._fail("the executor refused the goal: is it busy or stopped?")
 
-    def on_feedback(self, token: int, phase: str, now: Moment) -> None:
-        """Note the executor's phase."""
+    def on_feedback(self, token: int, phase: str, now: Moment, waiting_plan: str = "") -> None:
+        """Note the executor's phase, and the id of the plan that waits there for approval."""
         if self._goal.on_feedback(token, phase, now):
-            self._enter(PolicyState.EXECUTING, f"step {self._status.step}: {phase}")
+            waits = f"plan {waiting_plan} waits for a call of {topics.APPROVE} with its id" if waiting_plan else phase
+            self._enter(PolicyState.EXECUTING, f"step {self._status.step}: {waits}", proposal_id=waiting_plan)
 
     def on_result(self, token: int, result: ActionResult, now: Moment) -> None:
         """Take the executor's result of a goal."""

@@ -106,3 +106,6 @@ class ExecutorPort(Protocol):
 
     def resume(self) -> bool:
         """End a stop; return whether the executor is there to be asked."""
+
+    def approve(self, plan_id: str) -> bool:
+        """Ask the executor to run its plan of that id; return whether the executor is there to be asked."""
