@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cached_property, partial
-from typing import TypeVar
+from typing import NoReturn, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -18,7 +18,6 @@ from panda_executor.drag import DragPlan, plan_drag, renewed_drag
 from panda_executor.errors import ExecutorError, GraspError, PlanningError, RequestError
 from panda_executor.hand_geometry import HandShape
 from panda_executor.motions import Motion
-from panda_executor.object_moved import moved_problem
 from panda_executor.obstacle_grid import ObstacleGrid
 from panda_executor.phase import Phase
 from panda_executor.place_change import place_problem
@@ -53,7 +52,7 @@ class ActionRun:
         self._cloud_source, self._workspace = cloud_source, workspace
         self._centroid: FloatArray | None = None
         self._seen_at: FloatArray | None = None  # where the arm stood before its own camera (7,) [rad]; None: as now
-        self._recovering = False
+        self._recovering = self._approved_by_person = False
 
     def result(self) -> ActionResult:
         """Run the goal to its end, whatever that is."""
@@ -145,10 +144,8 @@ class ActionRun:
             width = self._commands.width()
         except ExecutorError:
             width = float("nan")
-        if self._centroid is None:
-            return ActionResult(outcome, message, None, width)
-        x, y, z = (float(v) for v in self._centroid)
-        return ActionResult(outcome, message, (x, y, z), width)
+        centroid = None if self._centroid is None else tuple(self._centroid.tolist())
+        return ActionResult(outcome, message, centroid, width)
 
     @cached_property
     def _cloud(self) -> Cloud:
@@ -180,7 +177,8 @@ class ActionRun:
         if self._goal.plan_only:
             return f"planned {len(plan.motions)} motions of {duration:.1f} s in all; nothing moved"
         commands.move(plan.go_above)
-        self._look_at_object(plan)
+        plan = self._found_again(plan)
+        self._centroid = plan.grasp.centroid
         commands.enter(Phase.DESCEND)
         commands.move_fingers(plan.grasp.opening, self._config.open_force)
         commands.move(plan.descend)
@@ -208,7 +206,8 @@ class ActionRun:
             RequestError: when it was not approved, or no fresh cloud comes.
             PlanningError: when it does not hold any more.
         """
-        if not self._commands.offer(plan.motions):
+        self._approved_by_person = self._commands.offer(plan.motions)
+        if not self._approved_by_person:
             return plan
         self._cloud = self._cloud_source()
         check_cloud(self._cloud)
@@ -218,12 +217,13 @@ class ActionRun:
         except ExecutorError as error:
             raise PlanningError(f"the scene changed while the plan waited for its approval: {error}") from None
 
-    def _look_at_object(self, plan: PickPlacePlan) -> None:
-        """Go back where the object is seen to have left its place while the arm was under way."""
+    def _found_again(self, plan: PickPlacePlan) -> PickPlacePlan:
+        """Return the plan for where the object is seen to be now; go back where that is too far from its place."""
         cloud = self._look()
-        problem = None if cloud is None else moved_problem(cloud, plan.grasp, self._config.moved_share)
-        if problem is not None:
-            self._give_up(self._config.hand.opening, None, f"while the arm was under way {problem}")
+        try:
+            return plan if cloud is None else self._planner.found_again(plan, cloud, not self._approved_by_person)
+        except ExecutorError as error:
+            self._give_up(self._config.hand.opening, None, f"while the arm was under way {error}")
 
     def _look_at_place(self, plan: PickPlacePlan) -> None:
         """End the run above the place, the object still held, where it cannot be let go there any more."""
@@ -280,7 +280,7 @@ class ActionRun:
 
     def _give_up(
         self, opening: float, escape: Motion | None, why: str, outcome: Outcome = Outcome.GRASP_MISSED
-    ) -> None:
+    ) -> NoReturn:
         """Open, rise out of the objects, and clear the view, so that a fresh observation can be made."""
         self._commands.enter(Phase.RETREAT)
         try:

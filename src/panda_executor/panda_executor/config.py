@@ -77,7 +77,8 @@ class ExecutorConfig:
     start_tolerance: how far the arm may be measured from a motion's planned start [rad]; planning_time: a request
     that takes longer to plan is given up [s]; centre_grasp: whether the middle of what is held goes to the place; else
     it ends as far from there as the pick was off; moved_share: an object is looked for anew before the hand goes down
-    to it when this share of its cells is seen to be empty.
+    to it when this share of its cells is seen to be empty; follow_from: and grasped where it is now when it went this
+    far [m].
     """
 
     scene: SceneConfig = field(default_factory=SceneConfig)
@@ -98,6 +99,7 @@ class ExecutorConfig:
     centre_grasp: bool = True
     after_failure: AfterFailure = AfterFailure.KEEP
     moved_share: float = 0.5
+    follow_from: float = 0.004
 
     @classmethod
     def for_arm(cls, arm: ArmModel) -> ExecutorConfig:

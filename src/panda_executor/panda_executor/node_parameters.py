@@ -146,5 +146,6 @@ def _read_config(get: Get, robot: ArmModel) -> ExecutorConfig:
         search=_read_search(get, config.search),
         planning_time=positive(get, "planning_time", config.planning_time),
         moved_share=_share(get, "moved_share", config.moved_share),
+        follow_from=positive(get, "follow_from", config.follow_from),
         after_failure=_member(get, "after_failure", config.after_failure),
     )

@@ -1,14 +1,20 @@
-"""The share of an object's place that a later cloud shows to be empty."""
+"""The share of an object's place that a later cloud shows to be empty, and how far the object went."""
 
 from __future__ import annotations
+
+import itertools
 
 import numpy as np
 import numpy.typing as npt
 
 from panda_executor.grasp import Grasp
+from panda_model.limits import FloatArray
 
 _GONE_BELOW = 0.5  # a cell whose highest point is lower than this share of the object is vacated
 _MIN_CELLS = 20  # of the object that must be seen; fewer prove nothing
+_REACH = 0.02  # how far an object is followed, along x and y each [m]
+_AS_GOOD = 0.03  # of two shifts that explain so nearly the same share of the cells, the shorter one is taken
+_ABOVE_TOP = 0.02  # what is seen so far above the object is the hand [m]
 
 
 def moved_problem(cloud: npt.NDArray[np.float32], grasp: Grasp, limit: float) -> str | None:
@@ -24,18 +30,44 @@ def vacated_share(cloud: npt.NDArray[np.float32], grasp: Grasp) -> float:
 
     Only cells through which the ground below is seen count as empty: what the hand hides is taken to be there still.
     """
-    cells = np.floor(grasp.inner / grasp.cell).astype(np.int64)
-    first, size = cells.min(axis=0), np.ptp(cells, axis=0) + 1
-    relative = np.floor((cloud[:, :2] - grasp.centroid[:2]) / grasp.cell)
-    near = np.all((relative >= first) & (relative < first + size), axis=1)  # NaN compares false
-    index = relative[near].astype(np.int64) - first
-    flat = index[:, 1] * size[0] + index[:, 0]
-    highest = np.full(int(size[0] * size[1]), -np.inf)
-    np.maximum.at(highest, flat, cloud[near, 2].astype(np.float64))
-    own = np.unique((cells[:, 1] - first[1]) * size[0] + cells[:, 0] - first[0])
-    tops = highest[own]
+    highest, own = _highest(cloud, grasp, 0)
+    tops = highest[own[:, 1], own[:, 0]]
     seen = np.isfinite(tops)
     if int(seen.sum()) < _MIN_CELLS:
         return 0.0
-    limit = grasp.support_z + _GONE_BELOW * (grasp.top_z - grasp.support_z)
-    return float((tops[seen] < limit).mean())
+    return float((tops[seen] < _limit(grasp)).mean())
+
+
+def seen_shift(cloud: npt.NDArray[np.float32], grasp: Grasp) -> FloatArray:
+    """Return how far the object went, (2,) [m, base frame], as a later cloud (N, 3) shows; 2 cm along x and y at most.
+
+    The shift that puts most of the object's cells onto what is as high as it, and fewest onto lower ground; unseen
+    cells say nothing. The shortest of those that are as good.
+    """
+    border = round(_REACH / grasp.cell)
+    highest, own = _highest(cloud, grasp, border)
+    known = highest < grasp.top_z + _ABOVE_TOP
+    votes = np.where(np.isfinite(highest) & known, np.where(highest >= _limit(grasp), 1, -1), 0)
+    steps = sorted(itertools.product(range(-border, border + 1), repeat=2), key=lambda s: (s[0] ** 2 + s[1] ** 2, s))
+    scores = np.array([votes[own[:, 1] + dy, own[:, 0] + dx].sum() for dx, dy in steps])
+    first = int(np.argmax(scores >= scores.max() - _AS_GOOD * len(own)))
+    return np.array(steps[first], dtype=np.float64) * grasp.cell
+
+
+def _highest(cloud: npt.NDArray[np.float32], grasp: Grasp, border: int) -> tuple[FloatArray, npt.NDArray[np.int64]]:
+    """Return the highest point of each cell (rows, cols) around the object, -inf where nothing is seen, and its cells.
+
+    The object's cells are (M, 2) columns and rows of that map, which is wider by `border` cells on each side.
+    """
+    cells = np.unique(np.floor(grasp.inner / grasp.cell).astype(np.int64), axis=0)
+    first, size = cells.min(axis=0) - border, np.ptp(cells, axis=0) + 1 + 2 * border
+    relative = np.floor((cloud[:, :2] - grasp.centroid[:2]) / grasp.cell)
+    near = np.all((relative >= first) & (relative < first + size), axis=1)  # NaN compares false
+    index = relative[near].astype(np.int64) - first
+    highest = np.full((int(size[1]), int(size[0])), -np.inf)
+    np.maximum.at(highest, (index[:, 1], index[:, 0]), cloud[near, 2].astype(np.float64))
+    return highest, cells - first
+
+
+def _limit(grasp: Grasp) -> float:
+    return grasp.support_z + _GONE_BELOW * (grasp.top_z - grasp.support_z)

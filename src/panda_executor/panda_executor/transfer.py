@@ -21,7 +21,7 @@ from panda_executor.hand_geometry import HandShape
 from panda_executor.ik import HandDownIk, hand_down_pose
 from panda_executor.model import PandaModel
 from panda_executor.motions import Motion, MotionBuilder
-from panda_executor.object_moved import moved_problem
+from panda_executor.object_moved import moved_problem, seen_shift
 from panda_executor.obstacle_grid import ObstacleGrid
 from panda_executor.phase import Phase
 from panda_executor.ports import ShouldStop
@@ -211,6 +211,32 @@ class TransferPlanner:
             leave=self.motions.among(plan.leave, rest_grid),
             retreat=self.motions.among(plan.retreat, rest_grid),
         )
+
+    def found_again(self, plan: PickPlacePlan, cloud: npt.NDArray[np.float32], follow: bool) -> PickPlacePlan:
+        """Return the plan for where a later cloud (N, 3) [m] shows the object, the arm above it.
+
+        Where it went a little, the way down to it and up from it are planned anew from where they began: the other
+        motions stay as they are. So does all of it if `follow` is False, as for a plan that a person approved.
+
+        Raises:
+            PlanningError: when it went too far, or no straight way down to it is free.
+            TrajectoryError: when the way up does not pass.
+        """
+        moved = moved_problem(cloud, plan.grasp, self.config.moved_share)
+        if moved is not None:
+            raise PlanningError(moved)
+        by = np.array([*seen_shift(cloud, plan.grasp), 0.0])
+        if not follow or float(np.linalg.norm(by)) < self.config.follow_from:
+            return plan
+        trajectory = plan.descend.trajectory
+        planned = self.model.tcp_pose(trajectory.end)
+        goal = Pose(planned.rotation, planned.translation + by)
+        descend = self.motions.straight(Phase.DESCEND, trajectory.positions[0], goal, plan.descend.scene)
+        if descend is None:
+            raise PlanningError(f"the object went by {1e3 * float(np.linalg.norm(by)):.0f} mm, to where no way is free")
+        raise_up = self.motions.reversed(Phase.RAISE, descend, plan.raise_up.scene)
+        grasp = replace(plan.grasp, centroid=plan.grasp.centroid + by)
+        return replace(plan, grasp=grasp, descend=descend, raise_up=raise_up)
 
     def _rest_grid(
         self, around: npt.NDArray[np.float32], grasp: Grasp, workspace: WorkspaceSpec, start: FloatArray

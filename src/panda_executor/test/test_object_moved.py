@@ -12,7 +12,7 @@ from cliport_core.outcome import Outcome
 from cliport_core.pose import PlanarPose
 from cliport_core.workspace import WorkspaceSpec
 from panda_executor.grasp import plan_grasps
-from panda_executor.object_moved import vacated_share
+from panda_executor.object_moved import seen_shift, vacated_share
 from panda_executor.runner import PickPlaceRunner
 from panda_executor.transfer import TransferPlanner
 from panda_model import load_preset
@@ -40,6 +40,43 @@ def test_what_is_hidden_is_not_gone(workspace: WorkspaceSpec) -> None:
     assert vacated_share(before[away], grasp) == 0.0  # nothing is seen there
     hand = np.column_stack([np.random.default_rng(0).uniform([0.4, 0.05], [0.5, 0.15], (4000, 2)), np.full(4000, 0.2)])
     assert vacated_share(np.concatenate([before[away], hand.astype(np.float32)]), grasp) == 0.0
+
+
+@pytest.mark.parametrize("shift", [0.0, 0.005, 0.01, 0.015])
+def test_a_shift_is_measured_to_half_a_cell_or_so(workspace: WorkspaceSpec, shift: float) -> None:
+    grasp = plan_grasps(cloud_with_cube_at(0.0), PICK, workspace)[0]
+    np.testing.assert_allclose(seen_shift(cloud_with_cube_at(shift, seed=1), grasp), (0.0, shift), atol=0.003)
+
+
+def test_what_stands_beside_an_object_is_not_taken_for_it(workspace: WorkspaceSpec) -> None:
+    beside = Cube(0.45, 0.145, 0.0)  # 5 mm from it
+    clouds = [seen_cloud(cube_points(Cube(0.45, 0.1)), cube_points(beside), seed=seed) for seed in (0, 1)]
+    grasp = plan_grasps(clouds[0], PlanarPose(0.45, 0.1, 0.0), workspace)[0]
+    np.testing.assert_allclose(seen_shift(clouds[1], grasp), (0.0, 0.0), atol=0.003)
+    hidden = clouds[1][np.hypot(clouds[1][:, 0] - 0.45, clouds[1][:, 1] - 0.12) > 0.08]
+    np.testing.assert_array_equal(seen_shift(hidden, grasp), (0.0, 0.0))
+
+
+@pytest.mark.parametrize("approved", [False, True])
+def test_a_small_shift_is_followed_unless_a_person_approved_the_plan(planner: TransferPlanner, approved: bool) -> None:
+    arm = FakeArm()
+    runner = PickPlaceRunner(planner.model, planner, arm, FakeGripper(opening=0.02))
+    before, later = cloud_with_cube_at(0.0), cloud_with_cube_at(0.01, seed=1)
+    clouds = iter([before, before])
+    result = runner.run(
+        ActionGoal(PickPlaceAction(PICK, PLACE)),
+        lambda: next(clouds),
+        WorkspaceSpec(),
+        on_plan=lambda motions: approved,
+        look=lambda: later,
+    )
+    assert result.outcome is Outcome.SUCCEEDED, result.message
+    planned = plan_grasps(before, PICK, WorkspaceSpec())[0].centroid
+    went = (0.0, 0.0 if approved else 0.01, 0.0)
+    np.testing.assert_allclose(result.grasp_centroid, planned + went, atol=0.003)
+    down, up = arm.sent[1], arm.sent[2]
+    np.testing.assert_allclose(planner.model.tcp_pose(down.end).translation[:2], result.grasp_centroid[:2], atol=1e-4)
+    np.testing.assert_allclose(up.end, down.positions[0], atol=1e-6)
 
 
 @pytest.mark.parametrize(
