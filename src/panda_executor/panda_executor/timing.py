@@ -19,6 +19,7 @@ _HEADROOM = 0.96  # of the limits: the controller's interpolation between points
 _JERK_HEADROOM = 0.5
 _PATH_SAMPLES = 60
 _SUBSTEPS = np.append(np.arange(32) / 32.0, 1.0 - 1e-6)  # where the polynomial between two points is looked at
+_MOST_STRETCH = 10.0  # a motion that would have to be slower by more is no motion
 _STANDSTILL = 1e-7  # a path shorter than this does not move [rad]
 
 
@@ -108,9 +109,12 @@ def _sampled(
     velocity = d1 * ds
     acceleration = d2 * ds**2 + d1 * dds
     jerk_bend = d3 * ds**3 + 3.0 * d2 * ds * dds  # the profile's own jerk is within its share already
+    too_fast = float((limits.velocity_ratio(q, velocity) / _HEADROOM).max())
+    if too_fast > _MOST_STRETCH:
+        raise TrajectoryError("the path passes so near the end of a joint's range that the arm could only creep there")
     stretch = max(
         1.0,
-        float((np.abs(velocity) / (limits.velocity * _HEADROOM)).max()),
+        too_fast,
         math.sqrt(float((np.abs(acceleration) / (limits.acceleration * _HEADROOM)).max())),
         float(np.cbrt((np.abs(jerk_bend) / (limits.jerk * (_HEADROOM - _JERK_HEADROOM))).max())),
     )
@@ -127,10 +131,10 @@ def within_limits(trajectory: JointTrajectory, limits: JointLimits) -> JointTraj
     """
     spans = np.diff(trajectory.times)[:, None]
     fine = (trajectory.times[:-1, None] + spans * _SUBSTEPS).ravel()
-    _, velocity, acceleration, jerk = trajectory.sample(fine)
+    position, velocity, acceleration, jerk = trajectory.sample(fine)
     stretch = max(
         1.0,
-        float((np.abs(velocity) / limits.velocity).max()),
+        float(limits.velocity_ratio(position, velocity).max()),
         math.sqrt(float((np.abs(acceleration) / limits.acceleration).max())),
         float(np.cbrt((np.abs(jerk) / limits.jerk).max())),
     )

@@ -63,12 +63,12 @@ def _check_limits(
         raise TrajectoryError(
             f"{trajectory.joint_names[joint]} would pass its position limit by {excess[joint]:.3f} rad"
         )
-    for name, values, bound in (
-        ("velocity", velocity, limits.velocity),
-        ("acceleration", acceleration, limits.acceleration),
-        ("jerk", jerk, limits.jerk),
+    for name, ratios in (
+        ("velocity", limits.velocity_ratio(position, velocity)),
+        ("acceleration", np.abs(acceleration) / limits.acceleration),
+        ("jerk", np.abs(jerk) / limits.jerk),
     ):
-        ratio = np.abs(values).max(axis=0) / bound
+        ratio = ratios.max(axis=0)
         joint = int(np.argmax(ratio))
         if ratio[joint] > _TOLERANCE:
             raise TrajectoryError(

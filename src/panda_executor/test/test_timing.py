@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -91,3 +93,30 @@ def test_waypoints_that_repeat_make_no_difference(model: PandaModel) -> None:
     twice = time_path(np.repeat(path, 2, axis=0), USUAL, model, 1.0)
     np.testing.assert_allclose(once.positions, twice.positions)
     np.testing.assert_allclose(once.times, twice.times)
+
+
+def fr3_speed_share(positions: np.ndarray, velocities: np.ndarray) -> float:
+    """Greatest share of the speeds that Franka's documentation of the FR3 gives for joint 4, upwards."""
+    upwards = np.minimum(2.62, np.maximum(0.0, -0.3 + np.sqrt(np.maximum(0.0, 8.0 * (-0.1458 - positions[:, 3])))))
+    return float((np.maximum(velocities[:, 3], 0.0) / np.maximum(upwards, 1e-9)).max())
+
+
+def test_a_motion_slows_down_towards_the_end_of_an_fr3s_range(model: PandaModel) -> None:
+    limits = load_preset("fr3").limits
+    path = np.stack([load_preset("fr3").ready] * 2)
+    path[1, 3] = -0.22
+    shares, durations = [], []
+    for each in (limits, replace(limits, slow_ends=None)):
+        trajectory = time_path(path, each, model, tcp_speed=10.0)
+        positions, velocities, _, _ = trajectory.sample(np.linspace(0.0, trajectory.duration, 2000))
+        shares.append(fr3_speed_share(positions, velocities))
+        durations.append(trajectory.duration)
+    assert shares[0] <= _TOLERANCE < shares[1]
+    assert durations[0] > durations[1]
+
+
+def test_a_path_to_the_very_end_of_an_fr3s_range_is_refused(model: PandaModel) -> None:
+    path = np.stack([load_preset("fr3").ready] * 2)
+    path[1, 3] = -0.152
+    with pytest.raises(TrajectoryError, match="so near the end of a joint's range"):
+        time_path(path, load_preset("fr3").limits, model, tcp_speed=10.0)

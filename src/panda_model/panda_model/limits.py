@@ -10,6 +10,7 @@ import numpy.typing as npt
 FloatArray = npt.NDArray[np.float64]
 
 ARM_DOF = 7
+_CREEP = 1e-3  # a lower bound is as good as none [rad/s]
 
 
 def frozen_array(values: npt.ArrayLike) -> FloatArray:
@@ -20,14 +21,46 @@ def frozen_array(values: npt.ArrayLike) -> FloatArray:
 
 
 @dataclass(frozen=True, eq=False)
+class SlowEnds:
+    """Speed limits that shrink towards the ends of a joint's range: sqrt(slope * distance) - offset, at least 0.
+
+    lower, upper: (7,) [rad], from which the distances count; slope: (7,) [rad/s^2]; offset: (7,) [rad/s].
+    """
+
+    lower: FloatArray
+    upper: FloatArray
+    slope: FloatArray
+    offset: FloatArray
+
+    def velocity(self, positions: FloatArray, upwards: npt.NDArray[np.bool_]) -> FloatArray:
+        """Return the greatest speeds (..., 7) [rad/s] at positions (..., 7) [rad], up or down the range."""
+        distance = np.where(upwards, self.upper - positions, positions - self.lower)
+        return np.maximum(np.sqrt(self.slope * np.maximum(distance, 0.0)) - self.offset, 0.0)
+
+
+@dataclass(frozen=True, eq=False)
 class JointLimits:
-    """Bounds of the seven arm joints, each (7,): rad, rad/s, rad/s^2, rad/s^3."""
+    """Bounds of the seven arm joints, each (7,): rad, rad/s, rad/s^2, rad/s^3.
+
+    slow_ends: lower speeds near the ends of the range, for an arm that has such.
+    """
 
     lower: FloatArray
     upper: FloatArray
     velocity: FloatArray
     acceleration: FloatArray
     jerk: FloatArray
+    slow_ends: SlowEnds | None = None
+
+    def velocity_ratio(self, positions: FloatArray, velocities: FloatArray) -> FloatArray:
+        """Return speeds (..., 7) [rad/s] as shares of what the limits allow at positions (..., 7) [rad].
+
+        Where the limits allow none, even the slowest motion is a very large share.
+        """
+        bound = np.broadcast_to(self.velocity, np.shape(velocities))
+        if self.slow_ends is not None:
+            bound = np.minimum(bound, self.slow_ends.velocity(positions, velocities > 0.0))
+        return np.abs(velocities) / np.maximum(bound, _CREEP)
 
     def scaled(self, velocity: float, acceleration: float, jerk: float) -> JointLimits:
         """Return limits with the same position bounds, and the derivatives' bounds times factors in (0, 1]."""

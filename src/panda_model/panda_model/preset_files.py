@@ -13,7 +13,7 @@ import yaml
 from panda_model.arm import ArmModel, Description
 from panda_model.errors import PresetError
 from panda_model.hand import HandModel
-from panda_model.limits import ARM_DOF, FloatArray, JointLimits, frozen_array
+from panda_model.limits import ARM_DOF, FloatArray, JointLimits, SlowEnds, frozen_array
 
 DEFAULT_PRESET = "panda"
 _FOLDER = Path(__file__).parent / "presets"
@@ -44,7 +44,7 @@ def _arm(name: str, content: dict[str, Any], path: Path) -> ArmModel:
     keys = [f.name for f in fields(ArmModel) if f.name not in ("name", "prefix") and not f.name.endswith("_frame")]
     _check_keys(content, [*keys, "frames"], str(path))
     frames = _mapping(content, "frames", _FRAMES, path)
-    limits = _mapping(content, "limits", [f.name for f in fields(JointLimits)], path)
+    limits = dict(_mapping(content, "limits", [f.name for f in fields(JointLimits)], path, "slow_ends"))
     description = _mapping(content, "description", [f.name for f in fields(Description)], path)
     return ArmModel(
         name=name,
@@ -65,7 +65,15 @@ def _arm(name: str, content: dict[str, Any], path: Path) -> ArmModel:
 
 
 def _limits(content: dict[str, Any], path: Path) -> JointLimits:
-    limits = JointLimits(**{key: _seven(content, key, path) for key in content})
+    slow_ends = None
+    if "slow_ends" in content:
+        ends = _mapping(content, "slow_ends", [f.name for f in fields(SlowEnds)], path)
+        slow_ends = SlowEnds(**{key: _seven(ends, key, path) for key in ends})
+        if (slow_ends.slope <= 0.0).any() or (slow_ends.offset < 0.0).any():
+            raise PresetError(f"{path}: slow_ends: slope must be positive and offset 0 or more")
+    limits = JointLimits(
+        **{key: _seven(content, key, path) for key in content if key != "slow_ends"}, slow_ends=slow_ends
+    )
     if (limits.lower >= limits.upper).any():
         raise PresetError(f"{path}: limits: each of lower must be less than that of upper")
     for key in ("velocity", "acceleration", "jerk"):
@@ -108,11 +116,13 @@ def _check_keys(content: dict[str, Any], expected: list[str] | tuple[str, ...], 
         raise PresetError(f"{where}: keys {'; '.join(faults)}")
 
 
-def _mapping(content: dict[str, Any], key: str, keys: list[str] | tuple[str, ...], path: Path) -> dict[str, Any]:
+def _mapping(
+    content: dict[str, Any], key: str, keys: list[str] | tuple[str, ...], path: Path, optional: str = ""
+) -> dict[str, Any]:
     value = content[key]
     if not isinstance(value, dict):
         raise PresetError(f"{path}: {key} must be a mapping of {', '.join(keys)}")
-    _check_keys(value, keys, f"{path}: {key}")
+    _check_keys(value, [name for name in keys if name != optional or name in value], f"{path}: {key}")
     return value
 
 

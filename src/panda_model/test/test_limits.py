@@ -57,3 +57,29 @@ def test_arrays_of_a_model_cannot_be_written() -> None:
 
 def test_descriptions_are_shown_without_their_xml() -> None:
     assert "<" not in repr(load_description(load_preset("panda")))
+
+
+@pytest.mark.parametrize(
+    ("joint", "position", "velocity", "bound"),
+    [
+        (0, 0.0, 1.0, 2.62),
+        (3, -0.2, 0.1, 0.358483),  # sqrt(8 (0.2 - 0.1458)) - 0.3
+        (3, -0.2, -0.1, 2.62),
+        (5, 0.6, -0.1, 0.456123),  # sqrt(11 (0.6 - 0.54092)) - 0.35
+        (1, 1.7837, 0.1, 0.004639),  # sqrt(5.17 (1.7918 - 1.7837)) - 0.2
+        (0, 2.7437, 0.1, 1e-3),  # none is allowed there
+        (0, 2.9, 0.0, 1e-3),
+    ],
+)
+def test_the_fr3_slows_down_towards_the_ends_of_its_range(
+    joint: int, position: float, velocity: float, bound: float
+) -> None:
+    positions, velocities = load_preset("fr3").ready.copy(), np.zeros(7)
+    positions[joint], velocities[joint] = position, velocity
+    ratio = load_preset("fr3").limits.velocity_ratio(positions, velocities)
+    assert ratio[joint] == pytest.approx(abs(velocity) / bound, rel=1e-4)
+    assert not np.delete(ratio, joint).any()
+
+
+def test_an_arm_without_slow_ends_is_as_fast_everywhere() -> None:
+    np.testing.assert_allclose(LIMITS.velocity_ratio(LIMITS.upper, -0.5 * LIMITS.velocity), 0.5)

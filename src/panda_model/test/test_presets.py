@@ -109,6 +109,9 @@ def test_an_unknown_preset_names_the_known() -> None:
         load_preset("pr2")
 
 
+ENDS = {"lower": [-3.0] * 7, "upper": [3.0] * 7, "slope": [8.0] * 7, "offset": [0.3] * 7}
+
+
 @pytest.mark.parametrize(
     ("where", "value", "words"),
     [
@@ -125,6 +128,10 @@ def test_an_unknown_preset_names_the_known() -> None:
         ("frames", "panda", "frames must be a mapping of base, flange, hand, tcp"),
         ("gripper_reports_full_width", "yes", "must be true or false, got 'yes'"),
         ("gripper_reports_stalled", 1, "must be true or false, got 1"),
+        ("limits.slow_ends", [1.0] * 7, "slow_ends must be a mapping of lower, upper, slope, offset"),
+        ("limits.slow_ends", {"lower": [0.0] * 7}, "slow_ends: keys missing offset, slope, upper"),
+        ("limits.slow_ends", ENDS | {"slope": [0.0] * 7}, "slow_ends: slope must be positive"),
+        ("limits.slow_ends", ENDS | {"offset": [-0.1] * 7}, "slow_ends: slope must be positive and offset 0 or more"),
         ("hand", "robotiq", "unknown hand 'robotiq'; known are franka_hand"),
         ("hand.opening", 0.0, "opening must be a positive number, got 0.0"),
         ("hand.opening", -0.08, "opening must be a positive number, got -0.08"),
