@@ -21,10 +21,12 @@ from ros2cli_small.bag.qos import profile_from_offers
 from ros2cli_small.discovery import PATIENCE, QUIET_TIME, Completion, GraphState, count_participants
 from ros2cli_small.errors import CommandError
 from ros2cli_small.interface_show import definition, find_definition
+from ros2cli_small.launch_file import LaunchDescription
 from ros2cli_small.topic_hz import RateMeter
 from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 
 SECOND = 10**9
+BRINGUP = Path(__file__).resolve().parent.parent / "src/cliport_bringup"
 
 
 class FakeTime:
@@ -232,3 +234,24 @@ def test_no_part_of_the_command_needs_a_package_of_the_workspace_but_the_core():
             words = line.split()
             if words[:1] in (["import"], ["from"]):
                 assert words[1].split(".")[0] not in packages - {"cliport_core"}, (file.name, line)
+
+
+@pytest.mark.parametrize(("driver", "drives"), [("franky", True), ("ros2_control", False)])
+def test_a_real_arms_launch_file_starts_its_driver_and_names_its_preset_everywhere(driver: str, drives: bool) -> None:
+    launch = LaunchDescription({"arm": "fr3", "driver": driver, "robot_ip": "172.16.0.2", "camera": "realsense"})
+    launch.load(BRINGUP / "launch/real.launch.yaml")
+    nodes = {Path(process.command[0]).name: process for process in launch.processes}
+    assert ("driver" in nodes) == drives
+    if drives:
+        given = {
+            key: value for part in nodes["driver"].parameters if isinstance(part, dict) for key, value in part.items()
+        }
+        assert (given["robot_ip"], given["arm"], given["realtime"]) == ("172.16.0.2", "fr3", True)
+    for name in ("perception", "executor", "guard", "server"):
+        files = [part for part in nodes[name].parameters if isinstance(part, str)]
+        assert [Path(file).name for file in files] == ["policy.yaml", "fr3.yaml"]
+    executor = {
+        key: value for part in nodes["executor"].parameters if isinstance(part, dict) for key, value in part.items()
+    }
+    assert executor["auto_approve"] is False
+    assert any("/camera/camera/color/camera_info" in part for part in nodes["perception"].command)
