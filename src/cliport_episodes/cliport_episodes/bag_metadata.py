@@ -11,7 +11,7 @@ from rosbags.rosbag2.metadata import dump_qos_v9
 
 from cliport_episodes.bag_file import BagFile, BagTopic
 from cliport_episodes.disk import replace_text
-from cliport_episodes.errors import BagError
+from cliport_episodes.errors import BagError, NoMetadataError
 
 FILE = "metadata.yaml"
 _INFORMATION = "rosbag2_bagfile_information"
@@ -53,14 +53,15 @@ def read_custom_data(folder: Path) -> dict[str, str]:
     """Read the `custom_data` of a bag; empty where it has none.
 
     Raises:
-        BagError: when metadata.yaml is missing or cannot be read as one.
+        NoMetadataError: when metadata.yaml is missing.
+        BagError: when it cannot be read as one.
     """
     try:
         document = yaml.load((folder / FILE).read_text(encoding="utf-8"), _LOADER)
         custom_data = document[_INFORMATION]["custom_data"] or {}
         return {str(key): str(value) for key, value in custom_data.items()}
     except FileNotFoundError:
-        raise BagError(f"{FILE} is missing") from None
+        raise NoMetadataError(f"{FILE} is missing") from None
     except (OSError, yaml.YAMLError, UnicodeDecodeError, KeyError, TypeError, AttributeError) as error:
         raise BagError(f"{FILE} cannot be read ({type(error).__name__})") from None
 

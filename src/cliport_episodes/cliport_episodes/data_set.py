@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import filecmp
 import shutil
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
@@ -15,8 +13,18 @@ from cliport_episodes.capture_setup import CaptureSetup
 from cliport_episodes.data_set_file import FILE, read_setup, write_setup
 from cliport_episodes.disk import UNFINISHED, copy_folder, disk_errors, move
 from cliport_episodes.edits import Edits
-from cliport_episodes.episode_folder import EPISODES, TRASH, UNDONE, change_edits, locked, step_paths, unused_path
+from cliport_episodes.episode_folder import (
+    EPISODES,
+    TRASH,
+    UNDONE,
+    change_edits,
+    locked,
+    restore_setup,
+    step_paths,
+    unused_path,
+)
 from cliport_episodes.errors import DataSetError, EpisodeError, SetupDiffersError
+from cliport_episodes.merging import Kinship, Merged, kinship, take_over_edits, take_over_steps
 from cliport_episodes.names import check_instruction, check_name
 from cliport_episodes.reader import Episode, read_episode
 from cliport_episodes.statistics import Statistics, count_statistics
@@ -24,18 +32,6 @@ from cliport_episodes.statistics_picture import draw_statistics
 from cliport_episodes.summary import EpisodeIndex, EpisodeInfo
 
 __all__ = ["DataSet", "draw_statistics"]
-
-
-class Merged(NamedTuple):
-    """Result of a merge; added: names that the new episodes have here; n_offered: number of the other's episodes."""
-
-    added: tuple[str, ...]
-    n_offered: int
-
-    def words(self, other: str) -> str:
-        """Return the result as a phrase; other: name of the data set that was merged."""
-        rest = "" if len(self.added) == self.n_offered else "; the others were here already"
-        return f"{len(self.added)} of the {self.n_offered} episodes of {other} are added{rest}"
 
 
 class DataSet:
@@ -61,7 +57,13 @@ class DataSet:
 
     @classmethod
     def open(cls, path: Path) -> DataSet:
-        """Open an existing data set. Raises DataSetError when there is none."""
+        """Open an existing data set; where dataset.yaml was lost, it is made again from what the episodes carry.
+
+        Raises:
+            DataSetError: when there is none, or its episodes do not agree in their setup. DiskError.
+        """
+        if not (path / FILE).exists():
+            restore_setup(path)
         return cls(path, read_setup(path))
 
     @classmethod
@@ -72,7 +74,7 @@ class DataSet:
             SetupDiffersError: when it was recorded with another camera, calibration or workspace.
             DataSetError, BadNameError, DiskError.
         """
-        if not (path / FILE).exists():
+        if not (path / FILE).exists() and not (path / EPISODES).is_dir():
             return cls.create(path, setup)
         found = cls.open(path)
         if differences := setup.differences(found.setup):
@@ -167,8 +169,9 @@ class DataSet:
     def merge(self, other: Path) -> Merged:
         """Add the episodes of another data set, which is left unchanged.
 
-        An episode that is here already, file by file, is not added again; one that shares only its name with an
-        episode here gets another name.
+        An episode that is here already, step by step, is not added again. Where it went on there, or was edited there
+        later than here, it takes the place of the one here, whose steps go to the trash; where it went on in both,
+        that stays. One that shares only its name with an episode here gets another name.
 
         Raises:
             SetupDiffersError: when the other was recorded with another setup.
@@ -180,8 +183,29 @@ class DataSet:
         if differences := source.setup.differences(self.setup):
             raise SetupDiffersError(self.name, differences)
         offered = source._folders(EPISODES)
-        added = [self._add(folder) for folder in offered]
-        return Merged(tuple(name for name in added if name is not None), len(offered))
+        found: dict[str, list[str]] = {"added": [], "updated": [], "forked": [], "known": []}
+        for folder in offered:
+            fate, name = self._merge_one(folder)
+            found[fate].append(name)
+        return Merged(tuple(found["added"]), tuple(found["updated"]), tuple(found["forked"]), len(offered))
+
+    def _merge_one(self, folder: Path) -> tuple[str, str]:
+        """Take in an episode from elsewhere; return what became of it, and its name here."""
+        # an episode that was merged before has its own name here, or that with a number
+        for here in self._folders(EPISODES):
+            if not f"{here.name}-".startswith(f"{folder.name}-"):
+                continue
+            match kinship(folder, here):
+                case Kinship.SAME:
+                    return "updated" if take_over_edits(folder, here, self.setup) else "known", here.name
+                case Kinship.SHORTER:
+                    return "known", here.name
+                case Kinship.FORKED:
+                    return "forked", here.name
+                case Kinship.LONGER:
+                    take_over_steps(folder, here, self.path / TRASH)
+                    return "updated", here.name
+        return "added", self._add(folder)
 
     def split(self, shares: Sequence[tuple[str, float]], seed: int) -> dict[str, DataSet]:
         """Split the episodes at random into new data sets `<this>_<part>` beside this one, which is left unchanged.
@@ -221,15 +245,9 @@ class DataSet:
         finally:
             shutil.rmtree(new, ignore_errors=True)
 
-    def _add(self, folder: Path) -> str | None:
-        """Copy an episode from elsewhere; return its name here, or None when it is here already."""
-        target = self.path / EPISODES / folder.name
-        if target.is_dir():
-            # an episode that was merged before has its own name here, or that with a number
-            named_alike = [here for here in self._folders(EPISODES) if f"{here.name}-".startswith(f"{folder.name}-")]
-            if any(_same_files(folder, here) for here in named_alike):
-                return None
-            target = unused_path(self.path / EPISODES, folder.name)
+    def _add(self, folder: Path) -> str:
+        """Copy an episode from elsewhere; return its name here."""
+        target = unused_path(self.path / EPISODES, folder.name)
         with locked(folder), disk_errors(target):
             copy_folder(folder, target)
         return target.name
@@ -251,11 +269,6 @@ class DataSet:
         except OSError as error:
             raise DataSetError(f"'{self.path / place}' cannot be read: {error.strerror}") from None
         return [folder for folder in found if folder.is_dir() and not folder.name.startswith(".")]
-
-
-def _same_files(one: Path, other: Path) -> bool:
-    mine, theirs = step_paths(one), step_paths(other)
-    return mine.keys() == theirs.keys() and all(filecmp.cmp(mine[n], theirs[n], shallow=False) for n in mine)
 
 
 def _span(numbers: Mapping[int, Path]) -> str:

@@ -2,28 +2,42 @@
 
 from __future__ import annotations
 
+import errno
 import fcntl
 import json
 import os
 import re
 import secrets
+import shutil
+import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
+from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 
 from cliport_episodes.bag_file import BagFile, describe
+from cliport_episodes.bag_metadata import FILE as METADATA
 from cliport_episodes.bag_metadata import read_custom_data, write_metadata
 from cliport_episodes.capture_setup import CaptureSetup
+from cliport_episodes.data_set_file import write_setup
 from cliport_episodes.disk import disk_errors
-from cliport_episodes.edits import Edits
-from cliport_episodes.errors import BagError, EpisodeBusyError, EpisodeError, SetupError
+from cliport_episodes.edits import SETUP, Edits
+from cliport_episodes.errors import (
+    BagError,
+    DataSetError,
+    EpisodeBusyError,
+    EpisodeError,
+    LaterFormatError,
+    NoMetadataError,
+    SetupError,
+)
 
 EPISODES, TRASH = "episodes", "trash"  # folders of a data set
 UNDONE = "undone"  # a folder beside them: undone steps, in folders with their episodes' names
 FINAL = "final.mcap"
+_LOCK = ".lock"  # in an episode's folder
 _STEP = re.compile(r"step_(\d{3,9})\.mcap")
-_SETUP = "setup"
 
 
 def new_name(moment: datetime) -> str:
@@ -82,23 +96,74 @@ def read_edits(folder: Path) -> tuple[Edits, str | None]:
         return Edits(finished=(folder / FINAL).exists()), f"{error}: marks, relabelled instructions and trims are lost"
 
 
+def edits_to_change(folder: Path) -> Edits:
+    """Read the edits of an episode that is about to be written.
+
+    A metadata.yaml that is damaged is kept beside the new one, as metadata.yaml.unreadable.
+
+    Raises:
+        EpisodeError: when a later version of this software made them, whose edits this one would lose.
+        OSError: when the disk refuses.
+    """
+    try:
+        return Edits.from_custom_data(read_custom_data(folder))
+    except LaterFormatError as error:
+        raise EpisodeError(f"episode '{folder.name}' is not changed: {error}") from None
+    except NoMetadataError:
+        pass
+    except BagError:
+        shutil.copy2(folder / METADATA, unused_path(folder, f"{METADATA}.unreadable"))
+    return read_edits(folder)[0]
+
+
 def read_own_setup(folder: Path) -> CaptureSetup | None:
     """Read the setup that an episode carries itself; None where that is lost."""
     try:
-        return CaptureSetup.from_dict(json.loads(read_custom_data(folder)[_SETUP]))
+        return CaptureSetup.from_dict(json.loads(read_custom_data(folder)[SETUP]))
     except (BagError, SetupError, KeyError, TypeError, ValueError):
         return None
 
 
+def restore_setup(data_set: Path) -> None:
+    """Write the dataset.yaml that a data set has lost, from the setup that its episodes carry.
+
+    Nothing happens where no episode carries one.
+
+    Raises:
+        DataSetError: when they differ. DiskError.
+    """
+    found: dict[str, CaptureSetup] = {}
+    for folder in sorted((data_set / EPISODES).glob("[!.]*")):
+        setup = read_own_setup(folder)
+        if setup is not None:
+            found[folder.name] = setup
+    for name, setup in found.items():
+        first = next(iter(found))
+        if differences := setup.differences(found[first]):
+            raise DataSetError(
+                f"'{data_set}' has lost its dataset.yaml, and its episodes '{first}' and '{name}' are not of one setup "
+                f"({'; '.join(differences)}): move those of one of them to a folder of their own"
+            )
+    if found:
+        write_setup(data_set, next(iter(found.values())))
+
+
 def custom_data(edits: Edits, setup: CaptureSetup) -> Mapping[str, str]:
     """Return the `custom_data` of metadata.yaml: the edits and the setup."""
-    return {**edits.to_custom_data(), _SETUP: json.dumps(setup.to_dict())}
+    return {**edits.to_custom_data(), SETUP: json.dumps(setup.to_dict())}
 
 
-def change_edits(folder: Path, change: Callable[[Edits], Edits], setup: CaptureSetup) -> None:
-    """Change the edits of an episode; its raw files are not touched. Raises EpisodeBusyError, DiskError."""
+def change_edits(
+    folder: Path, change: Callable[[Edits], Edits], setup: CaptureSetup, edited_ns: int | None = None
+) -> None:
+    """Change the edits of an episode; its raw files are not touched. edited_ns: since the epoch; None: now.
+
+    Raises:
+        EpisodeError: when the present edits cannot be read. EpisodeBusyError, DiskError.
+    """
     with locked(folder), disk_errors(folder):
-        edits = change(read_edits(folder)[0])
+        changed = change(edits_to_change(folder))
+        edits = replace(changed, edited_ns=time.time_ns() if edited_ns is None else edited_ns)
         steps, final = whole_files(folder)
         files = list(steps.values())
         if final is not None and edits.finished:
@@ -107,13 +172,24 @@ def change_edits(folder: Path, change: Callable[[Edits], Edits], setup: CaptureS
 
 
 class FolderLock:
-    """Exclusive right to write an episode, until it is released or the process ends."""
+    """Exclusive right to write an episode, until it is released or the process ends.
+
+    It is held on a hidden file, because network file systems lock only what may be written; where there can be none, as
+    on a disk that is read only, on the folder itself.
+    """
 
     def __init__(self, folder: Path) -> None:
         """Take the lock. Raises EpisodeBusyError, EpisodeError."""
         self._descriptor: int | None = None
         try:
-            self._descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+            try:
+                self._descriptor = os.open(folder / _LOCK, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
+            except PermissionError:
+                self._descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+            except OSError as error:
+                if error.errno not in (errno.EROFS, errno.ENOSPC, errno.EDQUOT):
+                    raise
+                self._descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
             fcntl.flock(self._descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except (FileNotFoundError, NotADirectoryError):
             raise EpisodeError(f"there is no episode '{folder.name}'") from None
@@ -121,7 +197,10 @@ class FolderLock:
             self.release()
             if isinstance(error, BlockingIOError):
                 raise EpisodeBusyError(folder) from None
-            raise EpisodeError(f"episode '{folder.name}' cannot be held for writing: {error.strerror}") from None
+            raise EpisodeError(
+                f"episode '{folder.name}' cannot be locked against other programs ({error.strerror}): keep the "
+                "data set on a local disk, or on a network one that has locks"
+            ) from None
 
     def release(self) -> None:
         """Give the lock back; may be called twice."""

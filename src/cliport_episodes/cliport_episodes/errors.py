@@ -62,6 +62,14 @@ class BagError(EpisodesError):
     """A bag, or a message in it, that cannot be read."""
 
 
+class NoMetadataError(BagError):
+    """A bag without its metadata.yaml."""
+
+
+class LaterFormatError(BagError):
+    """Edits that a later version of this software wrote."""
+
+
 class ObservationError(BagError):
     """A step that lacks a message of its observation, or has an unusable one."""
 

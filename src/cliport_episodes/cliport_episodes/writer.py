@@ -23,9 +23,9 @@ from cliport_episodes.episode_folder import (
     TRASH,
     FolderLock,
     custom_data,
+    edits_to_change,
     new_name,
     next_undone_path,
-    read_edits,
     read_own_setup,
     step_name,
     step_paths,
@@ -96,7 +96,8 @@ class EpisodeWriter:
             own_setup = read_own_setup(episode) or read_setup(episode.parent.parent)
             if setup is not None and (differences := setup.differences(own_setup)):
                 raise SetupDiffersError(episode.parent.parent.name, differences)
-            edits, _ = read_edits(episode)
+            with disk_errors(episode):
+                edits = edits_to_change(episode)
             if edits.last is not None and max(step_paths(episode), default=-1) > edits.last:
                 raise EpisodeError(f"episode '{episode.name}' was trimmed at its end: undo that, or begin a new one")
             edits = replace(edits, last=None)  # steps that are added must count
@@ -234,7 +235,7 @@ class EpisodeWriter:
         self._check_open()
         trash = self.path.parent.parent / TRASH
         with disk_errors(self.path):
-            if self._steps:
+            if step_paths(self.path):  # also such as cannot be read just now
                 trash.mkdir(exist_ok=True)
                 move(self.path, unused_path(trash, self.name))
             else:

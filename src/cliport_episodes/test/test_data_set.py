@@ -41,7 +41,7 @@ def test_a_list_says_what_is_there(data_set: DataSet, add_episode: Add) -> None:
     first, second = DataSet.open(data_set.path).episodes()
     assert (first.name, first.n_steps, first.success, first.instructions) == ("a", 1, False, ("sweep",))
     assert (second.n_steps, second.success, second.finished, second.complaints) == (2, None, True, ())
-    files = (data_set.path / "episodes" / "b").iterdir()
+    files = (data_set.path / "episodes" / "b").glob("[!.]*")
     assert second.bytes == sum(file.stat().st_size for file in files)
 
 
@@ -138,7 +138,7 @@ def test_an_edit_is_whole_or_not_at_all(data_set: DataSet, add_episode: Add, mon
             with pytest.raises(DiskFullError):
                 data_set.mark(name, False)
         assert metadata.read_bytes() == before and data_set.episode(name).success is True
-    assert {path.name for path in metadata.parent.iterdir()} == {"metadata.yaml", "step_000.mcap", "final.mcap"}
+    assert {path.name for path in metadata.parent.glob("[!.]*")} == {"metadata.yaml", "step_000.mcap", "final.mcap"}
 
 
 def test_edits_that_make_no_sense_are_refused_in_words(data_set: DataSet, add_episode: Add) -> None:
@@ -184,10 +184,10 @@ def test_the_trash_gives_back_until_it_is_emptied(data_set: DataSet, add_episode
 def test_merging_keeps_both(data_set: DataSet, setup: CaptureSetup, add_episode: Add, tmp_path: Path) -> None:
     other = DataSet.create(tmp_path / "other", setup)
     add_episode(data_set.path, 1, "a")
-    add_episode(other.path, 2, "a")
+    add_episode(other.path, 2, "a", instruction="push it")
     add_episode(other.path, 1, "b", False)
     theirs = raw_files(other)
-    assert data_set.merge(other.path) == (("a-2", "b"), 2)
+    assert data_set.merge(other.path) == (("a-2", "b"), (), (), 2)
     assert [(e.name, e.n_steps) for e in data_set.episodes()] == [("a", 1), ("a-2", 2), ("b", 1)]
     assert data_set.episode("b").success is False
     data_set.mark("b", True)
@@ -208,7 +208,7 @@ def test_merging_keeps_what_differs_though_it_has_the_same_name_and_steps(
 def test_merging_again_adds_nothing(data_set: DataSet, setup: CaptureSetup, add_episode: Add, tmp_path: Path) -> None:
     other = DataSet.create(tmp_path / "other", setup)
     add_episode(other.path, 1, "a")
-    assert data_set.merge(other.path) == (("a",), 1)
+    assert data_set.merge(other.path) == (("a",), (), (), 1)
     assert data_set.merge(other.path).added == ()
     with pytest.raises(DataSetError, match="itself"):
         data_set.merge(data_set.path / ".." / data_set.name)

@@ -108,7 +108,7 @@ def test_no_step_that_was_added_is_lost(
     resumed.add_step(scene(2000), record)
     resumed.finish(scene(2001), True)
     assert len(read_episode(path).steps) == len(episode.steps) + 1
-    assert not [file.name for file in path.iterdir() if file.name.startswith(".")]
+    assert not [file.name for file in path.iterdir() if file.name.endswith(".new")]
 
 
 @pytest.mark.parametrize("die_at", range(14))

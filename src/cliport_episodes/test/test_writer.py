@@ -237,7 +237,7 @@ def test_a_full_disk_leaves_the_steps_before_whole(
         assert reader.message_count == 9
     writer.add_step(scene(1), record)
     assert len(read_episode(writer.path).steps) == 2
-    assert not [p.name for p in writer.path.iterdir() if p.name.startswith(".")]
+    assert not [p.name for p in writer.path.iterdir() if p.name.endswith(".new")]
 
 
 def test_a_file_that_may_not_grow_is_a_full_disk(writer: EpisodeWriter, scene: Scene, record: StepRecord) -> None:

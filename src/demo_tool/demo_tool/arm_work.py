@@ -26,7 +26,7 @@ from demo_tool.wording import outcome_words, phase_words
 from demo_tool.work import Job
 
 T = TypeVar("T")
-_CLOSE_TIMEOUT = 1.0  # for the end of a cancelled goal [s]
+_CLOSE_TIMEOUT = 6.0  # for the end of a cancelled goal, which the executor may take 5 s for [s]
 _CLOSED = "the station was closed"
 _NOT_FOUND_OUT = (Outcome.CANCELLED, Outcome.EXECUTION_FAILED)  # of a plan: nothing is known about the action
 EXPECTED_ERRORS = (StationError, EpisodesError, CoreError, OSError)

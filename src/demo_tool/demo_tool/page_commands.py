@@ -54,7 +54,9 @@ class PageCommands:
         self.verdict: bool | None = None
         self.always = self._commands_obeyed_always()
         self.when_idle = self._commands_obeyed_when_idle()
-        self.when_saved = frozenset({"open_data_set", "execute", "record", "undo", "restore_step", "end_episode"})
+        self.when_saved = frozenset(
+            {"open_data_set", "execute", "record", "undo", "restore_step", "end_episode", "continue_episode"}
+        )
 
     def _commands_obeyed_always(self) -> dict[str, Command]:
         return {
@@ -82,6 +84,7 @@ class PageCommands:
             "drop_unsaved": lambda _: _answer(self._work.drop_unsaved()),
             "end_episode": self._end_episode,
             "discard_episode": self._discard_episode,
+            "continue_episode": self._continue_episode,
             "propose": self._propose,
             "correct": self._correct,
         }
@@ -190,6 +193,12 @@ class PageCommands:
             self._work.drop_unsaved()
         self.verdict = None
         return _answer(f"episode {name} is thrown away; the arm does not go back")
+
+    def _continue_episode(self, arguments: Arguments) -> Answer:
+        name = text_of(arguments, "name")
+        words = self._work.write_to_disk(lambda: self._recorder.continue_episode(name))
+        self.verdict = None
+        return _answer(words)
 
     def _propose(self, arguments: Arguments) -> Answer:
         self._fresh_view()

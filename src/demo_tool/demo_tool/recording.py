@@ -158,6 +158,27 @@ class Recorder:
             self._forget_episode()
             return str(writer.name)
 
+    def continue_episode(self, name: str) -> str:
+        """Open another episode of the data set to add steps to it, finished or not; return a sentence for the page.
+
+        The present one is left unfinished.
+
+        Raises:
+            NotNowError: when no data set is open.
+            EpisodeError: when there is none of that name, or it cannot go on. What was open before stays open then.
+        """
+        with self._lock:
+            if self.data_set is None:
+                raise NotNowError("open a data set first")
+            if self._writer is not None and self._writer.name == name:
+                return f"episode {name} is open already"
+            records = self.data_set.episode(name).steps
+            writer = EpisodeWriter.resume(self.data_set.path / EPISODES / name)
+            self._forget_episode()
+            self._writer, self._steps = writer, tuple(step_shown(step.record) for step in records)
+            self._update_episode()
+            return f"episode {name} goes on after {len(records)} steps"
+
     def remember(self, instruction: str) -> None:
         """Put an instruction at the head of the history."""
         others = [text for text in self.history if text != instruction]
@@ -210,8 +231,8 @@ class Recorder:
 
     def list_data_sets(self) -> None:
         """Update the names of the data sets, without hidden ones, which are incomplete."""
-        names = sorted(path.parent.name for path in self._root.glob("*/dataset.yaml"))
-        self.data_set_names = tuple(name for name in names if not name.startswith("."))
+        found = {path.parent.name for part in ("dataset.yaml", EPISODES) for path in self._root.glob(f"*/{part}")}
+        self.data_set_names = tuple(name for name in sorted(found) if not name.startswith("."))
 
 
 def step_shown(record: StepRecord) -> dict[str, Any]:

@@ -54,6 +54,42 @@ def test_opening_the_open_data_set_again_keeps_its_episode(bench, undone) -> Non
     assert len(bench.steps) == len(before["steps"]) - 1
 
 
+def test_any_episode_of_the_data_set_can_go_on(bench) -> None:
+    assert "open a data set first" in bench.refused("continue_episode", name="a")
+    bench.begin()
+    for _ in range(2):
+        bench.draw()
+        bench.do("record")
+    first = bench.view["episode"]["name"]
+    bench.do("end_episode", success=True)
+    bench.draw()
+    bench.do("record")
+    second = bench.view["episode"]["name"]
+    assert f"episode {first} goes on after 2 steps" in bench.do("continue_episode", name=first)["words"]
+    assert bench.view["episode"]["name"] == first and len(bench.steps) == 2
+    assert "is open already" in bench.do("continue_episode", name=first)["words"]
+    bench.draw()
+    bench.do("record")
+    assert len(bench.steps) == 3
+    assert "there is no episode" in bench.refused("continue_episode", name="absent")
+    assert bench.view["episode"]["name"] == first, "what was open stays open"
+    bench.do("end_episode", success=True)
+    assert [(info["name"], info["n_steps"], info["finished"]) for info in bench.do("episodes")["episodes"]] == sorted(
+        [(first, 3, True), (second, 1, False)]
+    )
+
+
+def test_a_data_set_that_lost_its_file_is_offered_and_opened(bench) -> None:
+    bench.begin()
+    bench.draw()
+    bench.do("record")
+    bench.station.close()
+    (bench.root / "blocks/dataset.yaml").unlink()
+    bench.begin("other")
+    assert bench.view["data_sets"] == ["blocks", "other"]
+    assert "goes on after 1 steps" in bench.do("open_data_set", name="blocks")["words"]
+
+
 KILLED = """
 import os, signal, sys
 from pathlib import Path

@@ -122,6 +122,7 @@ export class EpisodeView {
   /** @param {Episode} episode */
   #ending({ name }) {
     return element("div", { className: "row wrap" },
+      this.#button("Add steps to it", () => this.#edit("continue_episode", { name }), "edits"),
       this.#button("Move to the trash", () => this.#edit("delete", { name }), "edits"),
       this.#button("Close", () => this.close()));
   }

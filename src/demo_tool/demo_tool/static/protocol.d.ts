@@ -192,6 +192,7 @@ export interface Commands {
   episode: { name: string };
   relabel: { name: string; text: string; step?: number };
   trim: { name: string; first: number | null; last: number | null };
+  continue_episode: { name: string };
   delete: { name: string };
   restore: { name: string };
   trash: {};
