@@ -2,7 +2,7 @@
 
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help setup build demo test soak bench mutants lint clean
+.PHONY: help setup build demo teach test soak bench mutants lint clean
 .PHONY: ready-to-simulate ready-to-measure ready-for-tests ready-to-mutate ready-to-check
 MAKEFLAGS += --no-print-directory
 
@@ -13,9 +13,12 @@ demo: export DEMO_SEED = $(value SEED)
 demo: export DEMO_INSTRUCTION = $(value INSTRUCTION)
 demo: export DEMO_CHECKPOINT = $(value CHECKPOINT)
 
+teach: export TEACH_TASK = $(value TASK)
+
 help:
 	@echo "make setup   system libraries, .venv, ROS workspace; can be repeated and resumed  [EXTRAS= TORCH=cpu LOCKED=1]"
 	@echo "make demo    the whole graph does a task in the simulator  [TASK= SEED= INSTRUCTION= CHECKPOINT=]"
+	@echo "make teach   the simulator and the page on which you demonstrate, in your browser  [TASK=]"
 	@echo "make test    all tests"
 	@echo "make soak    tests that load the machine for minutes"
 	@echo "make bench   timings, to the screen and to out/bench.json"
@@ -49,6 +52,9 @@ build:
 demo: ready-to-simulate
 	@. ./env.sh && exec python -m cliport_benchmark.demo $${DEMO_TASK:+--task "$$DEMO_TASK"} $${DEMO_SEED:+--seed "$$DEMO_SEED"} \
 		$${DEMO_INSTRUCTION:+--instruction "$$DEMO_INSTRUCTION"} $${DEMO_CHECKPOINT:+--checkpoint "$$DEMO_CHECKPOINT"}
+
+teach: ready-to-simulate
+	@. ./env.sh && exec ros2 launch cliport_bringup teach.launch.yaml $${TEACH_TASK:+"task:=$$TEACH_TASK"}
 
 test: ready-for-tests
 	@. ./env.sh && exec python -m pytest -n 2 --no-loadscope-reorder $(PYTEST_ARGS)

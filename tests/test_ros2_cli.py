@@ -316,7 +316,7 @@ def test_launch_refuses_in_one_line(environment, arguments, message):
     assert "Traceback" not in run.stdout + run.stderr
 
 
-@pytest.mark.parametrize("name", ["sim.launch.yaml", "policy.launch.yaml", "real.launch.yaml"])
+@pytest.mark.parametrize("name", ["sim.launch.yaml", "policy.launch.yaml", "real.launch.yaml", "teach.launch.yaml"])
 def test_shipped_launch_files_are_understood(environment, name):
     shown = ros2(environment, "launch", "cliport_bringup", name, "--show-args")
     assert shown.returncode == 0, shown.stderr

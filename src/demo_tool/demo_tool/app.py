@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 import os
 import sys
+import threading
+import webbrowser
 from collections.abc import Callable
 from pathlib import Path
 
@@ -43,11 +45,14 @@ def main(argv: list[str] | None = None) -> int:
 
     def make_node(fail: Callable[[BaseException], None]) -> RosLink:
         link = RosLink()
-        station = Station(link.config, link.arm, link.policy, root)
+        station = Station(link.config, link.arm, link.policy, root, scenes=link.scenes)
         link.attach(station)
         servers.append(WebServer(make_application(station, rule), listener, fail, tls))
         servers[0].start()
-        print(_address(options.host, listener.getsockname()[1], rule, tls is not None), flush=True)
+        address = _address(options.host, listener.getsockname()[1], rule, tls is not None)
+        print(f"Open {address} in a browser; Ctrl+C ends this.", flush=True)
+        if options.open:
+            threading.Thread(target=webbrowser.open, args=(address,), daemon=True).start()
         return link
 
     def close(link: RosLink) -> None:
@@ -67,6 +72,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--ask-token", action="store_true", help="ask a token on loopback too: others use this machine")
     parser.add_argument("--tls-cert", type=Path, help="certificate (PEM), to be reached by https")
     parser.add_argument("--tls-key", type=Path, help="its private key (PEM)")
+    parser.add_argument("--open", action="store_true", help="show the page in this machine's browser, if it has one")
     parser.add_argument("--name", action="append", default=[], help="another name of this machine, as of a proxy")
     return parser
 
@@ -106,7 +112,7 @@ def _address(host: str, port: int, rule: AccessRule, tls: bool) -> str:
     name = os.uname().nodename if host in {"0.0.0.0", "::", ""} else host
     name = f"[{name}]" if ":" in name else name
     query = f"?token={rule.token}" if rule.token else ""
-    return f"Open {'https' if tls else 'http'}://{name}:{port}/{query} in a browser; Ctrl+C ends this."
+    return f"{'https' if tls else 'http'}://{name}:{port}/{query}"
 
 
 if __name__ == "__main__":

@@ -55,6 +55,16 @@ class Arm(Protocol):
         """End a stop."""
 
 
+class Scenes(Protocol):
+    """Interface of a simulator that can make another scene. No method waits; the answer comes from any thread."""
+
+    def are_offered(self) -> bool:
+        """Return True if there is such a simulator."""
+
+    def change(self, on_answer: OnAnswer) -> None:
+        """Make another scene of the same task; on_answer: told the sentence asked for there, or why there is none."""
+
+
 class Policy(Protocol):
     """Interface of the policy server. No method waits; the station hears it by `on_policy_status` and `..._pose`."""
 

@@ -14,6 +14,7 @@ from demo_tool.errors import StationError
 from demo_tool.ros_arm import RosArm
 from demo_tool.ros_camera import RosCamera
 from demo_tool.ros_policy import RosPolicy
+from demo_tool.ros_scenes import RosScenes
 from demo_tool.station import Station
 from demo_tool.station_config import BoxConfig, StationConfig, ready_pose
 from panda_model.ros_parameters import declare_base_frame, declare_robot
@@ -24,7 +25,7 @@ _ADAPT_EVERY = 20  # ticks between two looks for the camera's publishers
 
 
 class RosLink(Node):
-    """Node with the ports of one station: make the station with `config`, `arm` and `policy`, then `attach` it.
+    """Node with the ports of one station: make that with `config`, `arm`, `policy` and `scenes`, then `attach` it.
 
     It is spun by a single-threaded executor: no callback takes long. rectified: the camera's images are rectified
     already.
@@ -47,6 +48,7 @@ class RosLink(Node):
         self._queue = SpinQueue(self)
         self.arm = RosArm(self, base_frame, self._queue.post)
         self.policy = RosPolicy(self, base_frame, self._queue.post)
+        self.scenes = RosScenes(self, self._queue.post)
         self._station: Station | None = None
         self._camera: RosCamera | None = None
         self._ticks = 0
@@ -84,6 +86,7 @@ class RosLink(Node):
             if self._camera is not None:
                 self._camera.adapt()
             self.policy.look()
+            self.scenes.look()
         self._ticks += 1
         if self._station is not None:
             self._station.tick(self._now_ns())

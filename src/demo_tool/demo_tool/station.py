@@ -21,8 +21,9 @@ from demo_tool.live_view import ColorImage, LiveView
 from demo_tool.page_commands import Answer, Arguments, PageCommands
 from demo_tool.page_view import PageView
 from demo_tool.picture_feed import Picture, PictureFeed
-from demo_tool.ports import Arm, Policy
+from demo_tool.ports import Arm, Policy, Scenes
 from demo_tool.recording import Recorder
+from demo_tool.scene_change import SceneChange
 from demo_tool.station_config import StationConfig
 from demo_tool.wording import policy_words
 from demo_tool.work import Job, WorkThread
@@ -38,7 +39,7 @@ class Station:
     Commands that draw, move and stop return at once, those that open and edit wait for the disk: `command` is to be
     called in a thread that may wait. Pictures are decoded in the thread that asks for them.
 
-    run: calls long work in another thread; clock: steady time [s].
+    run: calls long work in another thread; clock: steady time [s]; scenes: of a simulator, where one may run.
     """
 
     def __init__(
@@ -49,6 +50,7 @@ class Station:
         data_sets_root: Path,
         run: Callable[[Job], None] | None = None,
         clock: Callable[[], float] = time.monotonic,
+        scenes: Scenes | None = None,
     ) -> None:
         self.config = config
         self._clock = clock
@@ -76,6 +78,7 @@ class Station:
             now_ns=lambda: self._now_ns,
             clock=clock,
         )
+        self._scene = SceneChange(scenes, self._recorder, self._bulletin, self._on_new_scene)
         self._page_view = PageView(
             config, self._bulletin, self._watch, self._desk, self._work, self._recorder, self._page, clock
         )
@@ -192,13 +195,14 @@ class Station:
             StationError: with one line for a person, when the command is refused; it has no effect then.
         """
         page = self._page
-        known = {**page.always, **page.when_idle, **self._library.commands}
+        when_idle = {**page.when_idle, **self._scene.commands}
+        known = {**page.always, **when_idle, **self._library.commands}
         try:
             if name not in known:
                 raise UnknownCommandError(name, known)
-            if name in page.when_idle:
+            if name in when_idle:
                 self._work.refuse_when_busy()
-            if name in page.when_saved:
+            if name in page.when_saved or name in self._scene.commands:
                 self._work.refuse_when_unsaved()
             answer = known[name](arguments)
         except EXPECTED_ERRORS as error:
@@ -214,7 +218,8 @@ class Station:
     def view(self, holder: str | None) -> dict[str, Any]:
         """Return everything that the page shows, as plain values; holder: holder of the arm, passed through."""
         with self._bulletin.lock:
-            return self._page_view.values(holder, self._now_ns, self._policy_state, self._policy_words)
+            values = self._page_view.values(holder, self._now_ns, self._policy_state, self._policy_words)
+            return {**values, "scenes": self._scene.is_offered}
 
     def close(self) -> None:
         """Cancel the present goal, and leave the episode unfinished on the disk."""
@@ -233,6 +238,11 @@ class Station:
     def _on_rest(self) -> None:
         self._watch.on_rest(self._now_ns)
         self._home.forget()
+
+    def _on_new_scene(self, instruction: str) -> None:
+        self._page.instruction = instruction
+        self._on_recorded()
+        self._on_rest()
 
     def _on_recorded(self) -> None:
         self._desk.clear()

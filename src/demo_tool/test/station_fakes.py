@@ -273,3 +273,22 @@ class FakePolicy:
             self.on_pose("place", self.place, stamp_ns)
             waiting = ServerStatus(PolicyState.WAITING_FOR_APPROVAL, "proposal 12ab34cd waits", text)
             self.on_status(waiting._replace(confidence=self.confidence, primitive=self.primitive))
+
+
+class FakeScenes:
+    """A simulator that makes scenes at once, or says why it does not."""
+
+    def __init__(self, failure: str = "") -> None:
+        self.failure, self.offered, self.made = failure, True, 0
+
+    def are_offered(self) -> bool:
+        """Answer as was set."""
+        return self.offered
+
+    def change(self, on_answer: OnAnswer) -> None:
+        """Count the scenes; the sentence names the number."""
+        if self.failure:
+            on_answer(False, self.failure)
+            return
+        self.made += 1
+        on_answer(True, f"put block {self.made} in the bowl")

@@ -105,8 +105,10 @@ export class Panel {
       "save-again": idle, "drop-unsaved": idle, "restore-step": idle && saved,
       undo: idle && saved && steps > 0, success: mine && view.episode, failure: mine && view.episode,
       "next-episode": idle && saved && steps > 0, discard: idle && view.episode,
+      "new-scene": idle && saved && steps === 0 && view.state !== "stopped",
       ask: idle && text && view.state !== "stopped", correct: idle && view.policy.proposal,
     };
+    byId("new-scene").hidden = !view.scenes;
     for (const [id, may] of Object.entries(allowed)) button(id).disabled = !may;
     for (const control of buttons("#primitive button, #data-set-card button, .end-name")) control.disabled = !idle;
     input("instruction").disabled = !mine;
@@ -218,6 +220,7 @@ export class Panel {
     on("failure", () => this.#do("mark", { success: this.#view?.verdict === false ? null : false }));
     on("next-episode", () => this.#do("end_episode"));
     askFirst(button("discard"), "Discard: sure?", () => this.#do("discard_episode"));
+    on("new-scene", () => this.#do("new_scene"));
     on("ask", () => this.#ask());
     on("correct", () => this.#do("correct"));
     for (const choice of buttons("#primitive button")) {

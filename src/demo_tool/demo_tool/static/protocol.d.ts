@@ -105,6 +105,8 @@ export interface View {
   approval: Approval | null;
   /** Whether the arm was measured away from its ready pose while nobody else moves it. */
   away: boolean;
+  /** Whether a simulator is there that can make another scene. */
+  scenes: boolean;
   data_set: string | null;
   episode: OpenEpisode | null;
   verdict: boolean | null;
@@ -186,6 +188,7 @@ export interface Commands {
   drop_unsaved: {};
   end_episode: { success?: boolean | null };
   discard_episode: {};
+  new_scene: {};
   propose: { text: string };
   correct: {};
   episodes: {};
