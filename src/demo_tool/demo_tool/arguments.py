@@ -73,6 +73,19 @@ def box_of(arguments: Mapping[str, Any], camera: CameraModel) -> PixelBox:
     return PixelBox(top, left, bottom, right)
 
 
+def pixel_of(arguments: Mapping[str, Any], camera: CameraModel) -> tuple[int, int]:
+    """Return the argument `pixel`, [row, col] of the picture, rounded down. Raises CommandError."""
+    value = arguments.get("pixel")
+    if not isinstance(value, (list, tuple)) or len(value) != 2 or not all(_is_number(v) for v in value):
+        raise CommandError(f"'pixel' must be [row, col] of the picture, got {_shown(value)}")
+    row, col = (int(v // 1) for v in value)
+    if not (0 <= row < camera.height and 0 <= col < camera.width):
+        raise CommandError(
+            f"the pixel ({row}, {col}) is not in the picture of {camera.height} rows and {camera.width} columns"
+        )
+    return row, col
+
+
 def _is_number(value: Any) -> bool:
     return isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) < 1e6
 

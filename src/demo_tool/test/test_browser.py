@@ -104,6 +104,20 @@ def test_only_clicks_near_the_ring_turn_it(person: Person) -> None:
     assert person.drawn("pick")["rotation"] == 3
 
 
+def test_two_clicks_draw_a_pick_and_a_place(person: Person) -> None:
+    boxes = [person.place.table.box_around(block) for block in person.place.table.blocks[:2]]
+    for box in boxes:
+        person.page.mouse.click(*person.at((box[0] + box[2]) / 2, (box[1] + box[3]) / 2))
+        person.words("pick" if box is boxes[0] else "place", "points")
+    before = [person.drawn(end)["box"] for end in ("pick", "place")]
+    for drawn, box in zip(before, boxes, strict=True):
+        assert drawn == pytest.approx(box, abs=20)
+    person.page.mouse.click(*person.at(20, 20))
+    person.click_towards("place", 5)
+    until(lambda: person.drawn("place")["rotation"] == 5, "turned")
+    assert [person.drawn(end)["box"] for end in ("pick", "place")] == before, "a third click draws nothing anew"
+
+
 def test_boxes_are_moved_and_resized(person: Person) -> None:
     person.draw_both()
     top, left, bottom, right = person.drawn("pick")["box"]

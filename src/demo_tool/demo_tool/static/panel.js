@@ -30,6 +30,7 @@ export class Panel {
     this.#ends = new EndCards(stage);
     stage.addEventListener("change", () => this.#showEnds());
     stage.addEventListener("clear", () => this.#do("clear"));
+    stage.addEventListener("point", (event) => this.#do("point", /** @type {CustomEvent} */ (event).detail));
     this.#listenToFields();
     this.#listenToButtons();
   }

@@ -177,6 +177,7 @@ export interface Commands {
   primitive: { name: Primitive };
   pick: { box: Box; rotation: number };
   place: { box: Box; rotation: number };
+  point: { end: EndName; pixel: Pixel; rotation: number };
   clear: {};
   preview: { draft: SeenDraft };
   execute: { text: string; draft: SeenDraft };

@@ -185,6 +185,19 @@ export class Stage extends EventTarget {
   #click(point, held) {
     if (held?.kind === "ring") this.#turnTowards(held, point);
     else if (held && held.end !== this.active) this.choose(held.end, false);
+    else if (!held) this.#pointAt(point);
+  }
+
+  /**
+   * The server draws the end around what is there: one that is not drawn yet, or was chosen by hand.
+   * @param {Point} point
+   */
+  #pointAt([x, y]) {
+    const byHand = this.#explicit;
+    this.#chooseForBox();
+    const end = this.active;
+    if (this.shown(end) && !byHand) return;
+    this.dispatchEvent(new CustomEvent("point", { detail: { end, pixel: [y, x], rotation: this.#rotationFor(end) } }));
   }
 
   /**
@@ -293,7 +306,11 @@ export class Stage extends EventTarget {
    * @param {Box} box
    */
   #putBox(end, box) {
-    const rotation = this.shown(end)?.rotation ?? (end === "place" ? this.shown("pick")?.rotation : null) ?? 0;
-    this.#ends.put(end, box, rotation);
+    this.#ends.put(end, box, this.#rotationFor(end));
+  }
+
+  /** @param {EndName} end */
+  #rotationFor(end) {
+    return this.shown(end)?.rotation ?? (end === "place" ? this.shown("pick")?.rotation : null) ?? 0;
   }
 }
