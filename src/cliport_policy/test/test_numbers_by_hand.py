@@ -87,8 +87,8 @@ def test_the_table_of_an_offline_run(tmp_path: Path) -> None:
     report = json.loads((tmp_path / "new" / "offline.json").read_text())
     assert report["checkpoint"] == "mine" and report["steps"][0]["errors"]["place_mm"] == 7.5
     assert report["finished_scenes"] == [{"success": True}] and report["summary"]["steps"] == 1
+    (tmp_path / "file").touch()
     with pytest.raises(DataError, match=r"cannot write into .*file \(File exists\): give another --out"):
-        (tmp_path / "file").touch()
         write_report(tmp_path / "file", "mine", [long], [])
 
 
