@@ -264,6 +264,17 @@ def test_the_index_is_written_only_when_something_changed(
     assert info.n_steps == 1
 
 
+def test_an_index_made_anew_forgets_what_it_said(data_set: DataSet, add_episode: Callable[..., str]) -> None:
+    add_episode(data_set.path, 1)
+    data_set.episodes()
+    index = data_set.path / "index.json"
+    index.write_text(index.read_text().replace("put the red block", "put the blue block"))
+    said = [info.instructions[0] for info in (*data_set.episodes(), *data_set.rebuild_index())]
+    assert said == ["put the blue block in the green bowl", "put the red block in the green bowl"]
+    (data_set.path.parent / "empty").mkdir()
+    assert DataSet.create(data_set.path.parent / "empty", data_set.setup).episodes() == []
+
+
 def test_messages_of_a_camera_to_the_last_value(data_set: DataSet, add_episode: Callable[..., str]) -> None:
     seen = data_set.episode(add_episode(data_set.path, 1)).steps[0].observation()
     seen.depth_m[0, :5] = (np.nan, 64.999, 65.0, 0.0004, 0.0006)

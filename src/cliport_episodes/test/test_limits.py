@@ -95,6 +95,7 @@ def test_a_setup_is_another_beyond_the_noise_of_a_calibration(setup: CaptureSetu
         assert setup.differences(same) == same.differences(setup) == []
     for other, said in (
         (shifted(setup, 0.0011), "the camera stands 1 mm elsewhere"),
+        (shifted(setup, 0.6), "the camera stands 600 mm elsewhere"),
         (turned(setup, 0.11), "the camera is turned by 0.1 degrees"),
         (with_camera(setup, distortion=(0.0, 0.0, 0.0, 0.0, -1.1e-4)), "another lens distortion"),
         (replace(setup, base_frame="base"), "base_frame 'panda_link0' here, 'base' there"),
