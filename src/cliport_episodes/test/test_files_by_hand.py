@@ -22,7 +22,7 @@ from cliport_episodes.checks import check_episode
 from cliport_episodes.data_set import DataSet
 from cliport_episodes.demonstration import StepRecord
 from cliport_episodes.episode_folder import FolderLock, new_name, next_undone_path, step_name, step_paths, undone_paths
-from cliport_episodes.errors import BadNameError, BagError, EpisodeBusyError, EpisodeError
+from cliport_episodes.errors import BadNameError, BagError, DiskFullError, EpisodeBusyError, EpisodeError
 from cliport_episodes.names import check_name
 from cliport_episodes.raw import RawMessage
 from cliport_episodes.reader import read_episode, read_steps
@@ -160,6 +160,33 @@ def test_folders_are_on_the_disk_before_what_they_hold(
         with pytest.raises(EpisodeError):
             attempt()
     assert not made.restorable()
+
+
+def test_a_name_that_is_taken_is_refused(data_set: DataSet, add_episode: Callable[..., str]) -> None:
+    add_episode(data_set.path, 1, "mine")
+    with pytest.raises(EpisodeError, match="^episode 'mine' exists: choose another name$"):
+        EpisodeWriter.create(data_set.path, data_set.setup, "mine")
+    assert data_set.episode("mine").finished
+
+
+def test_a_step_that_cannot_come_back_stays_undone(
+    data_set: DataSet, scene: Scene, record: StepRecord, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made = EpisodeWriter.create(data_set.path, data_set.setup, "mine")
+    made.add_step(scene(0), record)
+
+    def refuse(*_: object) -> None:
+        raise OSError(errno.ENOSPC, "full")
+
+    for attempt, steps in ((made.undo_step, 1), (made.restore_step, 0)):
+        with monkeypatch.context() as patched:
+            patched.setattr(writer, "write_metadata", refuse)
+            with pytest.raises(DiskFullError):
+                attempt()
+        assert made.n_steps == len(step_paths(made.path)) == steps and data_set.undone_steps() == 1 - steps
+        if steps:
+            made.undo_step()
+    assert made.restore_step().instruction == record.instruction
 
 
 def test_a_renamed_file_is_on_the_disk_at_both_ends(tmp_path: Path, synced: list[str]) -> None:

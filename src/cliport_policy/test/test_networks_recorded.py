@@ -5,14 +5,17 @@ checkpoint another policy. Where such a change is meant, raise FORMAT_VERSION an
 """
 
 import math
+import re
 from collections.abc import Sequence
 
 import numpy as np
 import pytest
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 
 from cliport_policy.config import NetworkConfig
+from cliport_policy.encoders.bert_modules import Bert, BertShape
+from cliport_policy.encoders.clip_modules import ClipResNet, ClipText
 from cliport_policy.encoders.efficientnet import load_efficientnet
 from cliport_policy.joint_config import JointConfig
 from cliport_policy.named_configs import load_network_config
@@ -39,6 +42,16 @@ RECORDED: dict[str, list[tuple[float, float]]] = {
     "rn50_bert": [(3688.3, 280.7), (0.76453, -0.01505)],
 }
 TAPS = [(13.926, 3.8471), (11.752, -4.0444), (8.5587, 5.5702), (3.6514, -1.84)]  # of the packaged image encoder
+# Stages of a small CLIP, its sentences, and a small BERT's tokens.
+ENCODERS = [
+    (0.63685, 0.057114),
+    (0.47558, 0.31825),
+    (0.64286, -0.25767),
+    (0.88103, 0.27751),
+    (0.8618, -0.56467),
+    (4.1854, -1.9788),
+    (1.0874, -0.63351),
+]
 pytestmark = [pytest.mark.usefixtures("one_thread"), pytest.mark.usefixtures("clip_models")]
 
 
@@ -54,7 +67,7 @@ def _check(scores: Sequence[Tensor], recorded: Sequence[tuple[float, float]]) ->
         assert _figures(each) == (pytest.approx(spread, rel=2e-3), pytest.approx(wave, abs=2e-3 * spread))
 
 
-def _fill(network: PolicyNetwork) -> None:
+def _fill(network: nn.Module) -> None:
     """Set all weights but those of the shipped colour head, as large as keeps the features' size."""
     for number, (name, value) in enumerate(sorted(network.state_dict().items())):
         if not value.is_floating_point() or name.startswith("color_maps.head"):
@@ -62,7 +75,7 @@ def _fill(network: PolicyNetwork) -> None:
         drawn = torch.from_numpy(np.random.default_rng(number).standard_normal(tuple(value.shape))).float()
         if value.dim() > 1:
             value.copy_(drawn * math.sqrt(2 / value[0].numel()))
-        elif name.endswith(("norm.weight", "running_var")) or ("norm" in name and name.endswith("weight")):
+        elif name.endswith("running_var") or (name.endswith("weight") and re.search("norm|bn|ln_", name)):
             value.copy_(1 + 0.3 * drawn.clamp(-2, 2))
         else:
             value.copy_(0.3 * drawn)
@@ -98,6 +111,21 @@ def test_the_packaged_image_encoder_sees_what_it_saw() -> None:
     with torch.no_grad():
         taps = load_efficientnet().eval()(0.5 + 0.5 * _images(1)[:, :3])
     _check(taps, TAPS)
+
+
+@torch.no_grad()
+def test_encoders_of_fixed_weights_see_and_read_what_they_did() -> None:
+    """CLIP's stages and sentences, and BERT's tokens, which the shared instances are made of."""
+    stages, text, bert = ClipResNet(8, (1, 2, 1, 1)), ClipText(50, 9, 64, 2, 8), Bert(BertShape(50, 9, 16, 24, 2, 4))
+    for network in (stages, text, bert):
+        _fill(network.eval())
+    x, found = _images(2)[:, :3], []
+    for stage in stages.stages:
+        x = stage(x)
+        found.append(x)
+    numbers = torch.tensor([[3, 7, 49, 0, 0], [5, 1, 2, 8, 49]])
+    _check([*found, text(numbers), bert.states(numbers, numbers > 0)], ENCODERS)
+    assert [tuple(each.shape[1:]) for each in found] == [(8, 16, 8), (32, 16, 8), (64, 8, 4), (128, 4, 2), (256, 2, 1)]
 
 
 def test_sizes_of_the_default_networks() -> None:

@@ -27,7 +27,7 @@ def test_the_peak_of_coarse_cells_lies_between_them() -> None:
     grid = CellGrid(WORKSPACE, 4)
     mass = np.zeros(grid.shape, np.float32)
     mass[10, 5], mass[10, 6] = 0.6, 0.4
-    mass[20, 20] = 0.1  # too far away to count
+    mass[20, 20] = mass[10, 7] = mass[12, 5] = 0.1  # too far away to count
     row, col = grid.peak(mass).pixel
     assert row == pytest.approx(4 * 10 + 1.5, abs=0.5)
     assert col == pytest.approx(4 * 5.4 + 1.5, abs=0.5)
