@@ -164,7 +164,7 @@ def test_folders_are_on_the_disk_before_what_they_hold(
 
 def test_a_name_that_is_taken_is_refused(data_set: DataSet, add_episode: Callable[..., str]) -> None:
     add_episode(data_set.path, 1, "mine")
-    with pytest.raises(EpisodeError, match="^episode 'mine' exists: choose another name$"):
+    with pytest.raises(EpisodeError, match=r"^episode 'mine' exists: choose another name$"):
         EpisodeWriter.create(data_set.path, data_set.setup, "mine")
     assert data_set.episode("mine").finished
 
