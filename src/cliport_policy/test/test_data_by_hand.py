@@ -3,7 +3,6 @@
 import json
 import math
 from collections import Counter
-from collections.abc import Callable
 from dataclasses import astuple
 from pathlib import Path
 from types import SimpleNamespace
@@ -18,7 +17,7 @@ from cliport_core.action import Primitive
 from cliport_core.heightmap import Heightmap
 from cliport_core.pose import PlanarPose
 from cliport_core.workspace import WorkspaceSpec
-from cliport_policy import dataset
+from cliport_policy import dataset, reliability
 from cliport_policy.color_words import UNSEEN_STEMS, read_survey
 from cliport_policy.data import dataset_format
 from cliport_policy.data.batches import Batch, Phrasebook
@@ -270,16 +269,19 @@ def test_the_survey_has_shades_and_a_strict_part() -> None:
     assert torch.allclose(opened.colors[red], scaled_lab(torch.tensor([0xE5, 0, 0]) / 255), atol=1e-3)
 
 
-def test_the_rest_of_a_report_is_written_where_it_can_be(
-    tiny_checkpoint: Callable[..., Path], make_flat_set: Callable[..., Path], tmp_path: Path,
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch,
-) -> None:  # fmt: skip
-    from cliport_policy import reliability
-
+def test_a_picture_that_cannot_be_written_is_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     def refuse(*_: object) -> None:
         raise OSError(13, "Permission denied")
 
+    none = np.zeros(0)
+    found = reliability.Reliability(none, none, none, none.astype(bool))
+    known = SimpleNamespace(meta={"task": "t"})
+    for name, value in (("load_demonstrations", known), ("resolve_checkpoint", Path("mine")), ("measure", found)):
+        monkeypatch.setattr(reliability, name, lambda *_, value=value: value)
+    monkeypatch.setattr(reliability, "load_policy", lambda _: None)
     monkeypatch.setattr(reliability, "plot_reliability", refuse)
-    path, data = tiny_checkpoint("compact"), make_flat_set(tmp_path / "data", 1, actions=1, pixel_size=0.0125)
-    assert reliability.main(["--checkpoint", str(path), "--data", str(data), "--out", str(tmp_path / "p.png")]) == 1
+    assert reliability.main(["--data", "d", "--out", str(tmp_path / "p.png")]) == 1
     assert "p.png (Permission denied): give another --out" in capsys.readouterr().err
+    assert json.loads((tmp_path / "p.json").read_text())["checkpoint"] == "mine"

@@ -161,16 +161,16 @@ def test_a_part_holds_so_many_episodes(
 ) -> None:
     """The second of three teaches nothing: it opens no part, and the third has its number."""
     monkeypatch.setattr(from_bags, "EPISODES_PER_PART", 1)
-    for name, outcomes in (("a", (0,)), ("b", (MISSED,)), ("c", (0, 0)), ("d", (MISSED,))):
+    for name, outcomes in (("a", (0,)), ("b", (MISSED,)), ("c", (0,)), ("d", (MISSED,))):
         make_episode(tmp_path / "set", name, outcomes=outcomes)
     told: list[tuple[int, int]] = []
     paths = sorted((tmp_path / "set" / "episodes").iterdir())
     tally = make_data_set(paths, tmp_path / "out", on_episode=lambda done, now: told.append((done, now.steps)))
-    assert told == [(1, 1), (2, 1), (3, 3), (4, 3)]
-    assert (tally.episodes, tally.steps, tally.finished) == (2, 3, 2)
+    assert told == [(1, 1), (2, 1), (3, 2), (4, 2)]
+    assert (tally.episodes, tally.steps, tally.finished) == (2, 2, 2)
     assert tally.steps_left_out == {"grasp missed": 2} and tally.episodes_left_out == {"no step to learn from": 2}
     parts = sorted(path.name for path in (tmp_path / "out").glob("part*"))
     assert parts == ["part-00000.parquet", "part-00001.parquet"]
     data = load_demonstrations(tmp_path / "out")
-    assert [(frame.episode, frame.step) for frame in data.frames] == [(0, 0), (0, 1), (1, 0), (1, 1), (1, 2)]
+    assert [(frame.episode, frame.step) for frame in data.frames] == [(0, 0), (0, 1), (1, 0), (1, 1)]
     assert data.meta["episodes"] == ["a", "c"] and data.meta["height_unit"] == 5e-4
