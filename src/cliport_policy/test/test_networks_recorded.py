@@ -36,6 +36,7 @@ RECORDED: dict[str, list[tuple[float, float]]] = {
     "transporter": [(93.7, 40.245), (126.23, 0.94008)],
     "language_transporter": [(3695.8, -23.018), (20065, 98.468)],
     "cliport rotator=pick": [(31.153, 2.9039), (0.090109, -0.12235), (1.0137, 0.0054258)],
+    "cliport pick.language=film pick.fusion=concat": [(52.068, 2.6505), (101.55, -3.5567)],
     "clip_only": [(0.049213, -0.0055187), (0.077307, -0.00050685)],
     "wo_skips": [(141.33, 4.5123), (434.79, 5.2251)],
     "image_goal": [(82.269, 38.598), (974.72, 19.162)],
