@@ -37,6 +37,9 @@ def test_archive_and_plain_state_dict_are_the_same(
     torch.save({"state_dict": {f"module.{name}": value for name, value in small_clip.items()}}, plain)
     a, b = load_clip("clip_rn50", clip_folder / "RN50.pt"), load_clip("clip_rn50", plain)
     assert a.identity == b.identity and a.shape == b.shape
+    mean, std = (getattr(a.modules[0], name).flatten().tolist() for name in ("mean", "std"))  # OpenAI's
+    assert mean == pytest.approx((0.48145466, 0.4578275, 0.40821073), rel=1e-6)
+    assert std == pytest.approx((0.26862954, 0.26130258, 0.27577711), rel=1e-6)
     color = torch.rand(1, 3, 64, 64)
     assert all(torch.equal(x, y) for x, y in zip(a.encode_images(color), b.encode_images(color), strict=True))
     assert torch.equal(a.encode_sentences(SENTENCES), b.encode_sentences(SENTENCES))
