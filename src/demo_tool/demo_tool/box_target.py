@@ -47,7 +47,7 @@ class BoxTarget:
     def shown_pixels(self) -> list[list[int]]:
         """Return some of the pixels, evenly chosen, to be drawn."""
         step = math.ceil(len(self.pixels) / _MAX_DRAWN_PIXELS)
-        return [[int(row), int(col)] for row, col in self.pixels[:: max(step, 1)]]
+        return [[int(row), int(col)] for row, col in self.pixels[::step]]
 
 
 def find_target(
@@ -89,7 +89,7 @@ def find_target(
 
 def _top_of(heights: FloatArray) -> float:
     """Return the height of the top without the few points that may be noise above it [m]."""
-    above = min(max(3, round(_NOISE_SHARE * len(heights))), len(heights))
+    above = max(3, round(_NOISE_SHARE * len(heights)))
     return float(np.partition(heights, -above)[-above])
 
 
