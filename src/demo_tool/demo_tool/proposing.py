@@ -40,7 +40,7 @@ class ProposalRequest:
         self.instruction = instruction
         self._policy, self._config, self._on_end = policy, config, on_end
         self._stage = _Stage.CHECKING
-        self._deadline = 0.0
+        self._deadline: float  # as of a steady clock [s], from `begin` on
         self._poses: dict[str, tuple[PlanarPose, int]] = {}
         self._waiting: ServerStatus | None = None  # the status with which the server waits for approval
 

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from playwright.sync_api import Browser
 
 # the logic is tested without any build; these need the built messages
-_ROS_TESTS = ["test_ros_camera.py", "test_ros_link.py", "test_ros_requests.py"]
+_ROS_TESTS = ["test_ros_arm.py", "test_ros_camera.py", "test_ros_link.py", "test_ros_requests.py"]
 collect_ignore = [] if find_spec("cliport_interfaces") else _ROS_TESTS
 
 NS = 1_000_000_000

@@ -14,12 +14,19 @@ from pathlib import Path
 
 import pytest
 from ros_domain import next_domain
+from station_fakes import FakeArm, FakePolicy
+
+from cliport_core.pose import PlanarPose
 
 pytest.importorskip("rclpy", exc_type=ImportError)
 pytest.importorskip("cliport_interfaces", exc_type=ImportError)
 
 from demo_tool import app
+from demo_tool.station import Station
+from demo_tool.station_config import StationConfig
 from demo_tool.web.access import AccessRule
+from demo_tool.web.application import make_application
+from demo_tool.web.server import WebServer, bind
 
 COMMAND = [sys.executable, "-c", "from demo_tool.app import main; raise SystemExit(main())"]
 ENVIRONMENT = os.environ | {"ROS_DOMAIN_ID": str(next_domain())}
@@ -93,6 +100,46 @@ def test_beyond_loopback_it_prints_the_address_with_its_token(tmp_path: Path) ->
 def test_the_address_that_is_printed_can_be_opened(host: str, tls: bool, address: str) -> None:
     rule = AccessRule.for_address(host, "0123456789abcdef" if "token" in address else None)
     assert app._address(host, 8080, rule, tls) == address
+
+
+def test_the_options_defaults() -> None:
+    assert vars(app._parser().parse_args([])) == {
+        "host": "127.0.0.1",
+        "port": 8080,
+        "data_sets": Path("demonstrations"),
+        "token": None,
+        "token_file": None,
+        "ask_token": False,
+        "tls_cert": None,
+        "tls_key": None,
+        "name": [],
+    }
+    assert app._parser().parse_args(["--ask-token", "--name", "a", "--name", "b"]).name == ["a", "b"]
+
+
+def test_only_a_folder_that_can_be_written_to_is_taken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert app._folder(tmp_path / "a" / "b") == tmp_path / "a" / "b" and (tmp_path / "a" / "b").is_dir()
+    asked: list[int] = []
+    monkeypatch.setattr(os, "access", lambda path, mode: asked.append(mode))
+    with pytest.raises(app.FolderError, match="nothing can be written"):
+        app._folder(tmp_path)
+    assert asked == [os.W_OK + os.X_OK]
+
+
+def test_the_servers_thread_has_ended_when_it_is_stopped(tmp_path: Path) -> None:
+    def fail(error: BaseException) -> None:
+        raise error
+
+    rule = AccessRule.for_address("127.0.0.1", None)
+    station = Station(StationConfig(), FakeArm(), FakePolicy(PlanarPose(0, 0, 0), PlanarPose(0, 0, 0)), tmp_path)
+    listener = bind("127.0.0.1", 0)
+    server = WebServer(make_application(station, rule), listener, fail)
+    server.start()
+    assert status(listener.getsockname()[1], "/") == 200
+    thread = next(each for each in threading.enumerate() if each.name == "web")
+    server.stop()
+    thread.join(30.0)
+    assert not thread.is_alive() and listener.fileno() == -1
 
 
 def test_a_token_from_a_file_is_asked_for_on_loopback_too_and_is_in_no_list_of_processes(tmp_path: Path) -> None:

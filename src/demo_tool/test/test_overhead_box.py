@@ -218,4 +218,5 @@ def test_a_square_above_the_table_is_larger() -> None:
 def test_pixels_have_one_decimal_and_are_numbers_in_the_cameras_plane() -> None:
     view = view_of(flat())
     assert to_pixels(view, np.array([[0.44988, 0.00012, 0.0]])) == [[50.1, 59.9]]
-    assert np.isfinite(to_pixels(view, np.array([DOWN.translation + (0.1, 0.1, 0.0)]))).all()
+    beside = DOWN.translation + np.array([0.1, 0.1, 0.0])  # at no depth
+    assert np.isfinite(to_pixels(view, beside[None])).all()

@@ -6,18 +6,23 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 import rclpy
 from geometry_msgs.msg import TransformStamped
 from rclpy.parameter import Parameter
 from rclpy.serialization import serialize_message
 from ros_domain import next_domain
+from sensor_msgs.msg import JointState
 from station_fakes import FakeTable
 from tf2_msgs.msg import TFMessage
 
 from cliport_core import messages as shared
+from cliport_core.heightmap import Heightmap
 from cliport_core.ros_rgbd import RawFrame, RawReceived
+from cliport_core.workspace import WorkspaceSpec
 from cliport_perception.conversions import camera_to_msg
+from demo_tool.conversions import scene_from_raw
 from demo_tool.errors import StationError
 from demo_tool.live_view import LiveView
 from demo_tool.ros_camera import RosCamera
@@ -75,3 +80,49 @@ def test_a_camera_that_sends_nothing_is_named(tmp_path: Path) -> None:
     words = station.view(None)["words"]
     link.destroy_node()
     assert "/camera/color/image_raw" in words and "/camera/aligned_depth_to_color/image_raw" in words
+
+
+def test_the_scene_is_shown_as_seen_from_behind_the_robot() -> None:
+    """+x is up and +y to the left; what was not seen is grey."""
+    workspace = WorkspaceSpec(x_min=0.0, x_max=0.02, y_min=0.0, y_max=0.03, pixel_size=0.01)
+    color = np.arange(3 * 2 * 3, dtype=np.uint8).reshape(3, 2, 3)
+    valid = np.ones((3, 2), dtype=np.bool_)
+    valid[0, 1] = False
+    seen = Heightmap(color, np.zeros((3, 2), np.float32), valid, workspace)
+    shown = scene_from_raw(serialize_message(shared.heightmap_to_msg(seen, "panda_link0")))
+    assert shown.shape == (2, 3, 3)
+    for row in range(2):
+        for col in range(3):
+            y, x = 2 - col, 1 - row
+            assert shown[row, col].tolist() == (color[y, x].tolist() if (y, x) != (0, 1) else [40, 40, 40])
+
+
+def test_joints_are_heard_for_a_second(tmp_path: Path) -> None:
+    link, camera, _ = attached(tmp_path)
+    now = [10_000_000_000]
+    camera._now_ns = lambda: now[0]
+    camera._on_joints(serialize_message(JointState(name=["a", "b"], position=[0.25, 0.5])))
+    camera._on_joints(serialize_message(JointState(name=["finger"], position=[])))
+    now[0] += 600_000_000
+    camera._on_joints(serialize_message(JointState(name=["c"], position=[0.75])))
+    assert camera.joint_positions() == {"a": 0.25, "b": 0.5, "c": 0.75}
+    now[0] += 400_000_000
+    assert camera.joint_positions() == {"a": 0.25, "b": 0.5, "c": 0.75}
+    now[0] += 1
+    assert camera.joint_positions() == {"c": 0.75}
+    now[0] -= 3_000_000_000  # the clock was set back
+    assert camera.joint_positions() == {}
+    link.destroy_node()
+
+
+def test_a_transform_that_is_none_is_said_and_the_others_are_kept(tmp_path: Path) -> None:
+    link, camera, station = attached(tmp_path)
+    links = [TransformStamped(child_frame_id=name) for name in ("bad", "camera")]
+    for each in links:
+        each.header.frame_id = "panda_link0"
+    links[0].transform.rotation.w = 0.0
+    links[1].transform.translation.x = 0.5
+    camera._on_static(serialize_message(TFMessage(transforms=links)))
+    assert station.view(None)["words"].startswith("The transform of 'bad' is ignored: ")
+    assert camera._transforms.source_in_target("camera", "panda_link0").translation.tolist() == [0.5, 0.0, 0.0]
+    link.destroy_node()
