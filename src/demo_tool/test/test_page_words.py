@@ -215,6 +215,8 @@ def test_ages_are_announced_once_a_second(bench) -> None:
         bench.wait(0.1)
         changes.append(bench.station.changed - before)
     assert changes == [0] * 9 + [1] * 3
+    bench.see()
+    assert bench.station.changed == before + 2, "it is fresh again"
 
 
 def test_the_policys_state_is_shown_with_its_message(bench, view_of_blocks) -> None:

@@ -1,0 +1,284 @@
+"""Motions, views and measurements that need no physics, worked out by hand."""
+
+from __future__ import annotations
+
+import math
+import os
+import time
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cliport_benchmark import arm_hand, bench, bench_generation, bench_page, bench_planning, kinematic_hand
+from cliport_benchmark.camera_messages import observation_messages
+from cliport_benchmark.errors import BenchmarkError, OptionError
+from cliport_benchmark.kinematic_drag import _moved, _progress
+from cliport_benchmark.kinematic_hand import KinematicHand
+from cliport_benchmark.observer import Observer, _border
+from cliport_benchmark.own_setup import OwnSetup
+from cliport_benchmark.page_process import PageProcess
+from cliport_benchmark.stage_camera import StageCamera
+from cliport_benchmark.variation import MountingErrors, Variation
+from cliport_core import PickPlaceAction, PlanarPose, Pose, Primitive, WorkspaceSpec, topics
+from cliport_perception import CameraModel
+from cliport_perception.camera_file import CameraCalibration
+from panda_executor.config import AfterFailure, SearchAlgorithm
+from sim_bridge.panda import ArmState
+from sim_bridge.world import SimConfig
+
+DT = 0.004  # [s]
+
+
+@pytest.mark.parametrize(("length", "top"), [(0.3, 0.5), (0.02, 0.2)])
+def test_a_drag_goes_from_rest_to_rest_with_bounded_speed(length: float, top: float) -> None:
+    """2 m/s^2 up to 0.5 m/s: 6.25 cm each to get there and to stop, or half of a shorter way."""
+    ramp = top / 2.0
+    duration = 2 * ramp + (length - top * ramp) / top
+    times = np.arange(0.0, duration, DT)
+    *steps, last = list(_progress(length, DT))
+    assert len(steps) == len(times) and last == (length, 0.0)
+    for t, (gone, speed) in zip(times, steps, strict=True):
+        left = duration - t
+        expected = min(2.0 * t, top, 2.0 * left)
+        assert speed == pytest.approx(expected, abs=1e-9)
+        if t < ramp:
+            assert gone == pytest.approx(t * t, abs=1e-9)
+        elif left < ramp:
+            assert gone == pytest.approx(length - left * left, abs=1e-9)
+        else:
+            assert gone == pytest.approx(ramp * ramp + top * (t - ramp), abs=1e-9)
+
+
+def test_what_is_held_is_shifted_and_turned_about_itself() -> None:
+    held = Pose.from_xyz_rpy((0.4, 0.1, 0.02), (0.0, 0.0, 0.5))
+    moved = _moved(held, np.array([0.1, -0.2, 0.3]), 0.25)
+    assert moved.is_close(Pose.from_xyz_rpy((0.5, -0.1, 0.32), (0.0, 0.0, 0.75)))
+
+
+class Chance:
+    """Draws what a test says, and notes how widely it was to be drawn."""
+
+    def __init__(self, *drawn: Any) -> None:
+        self.drawn, self.asked = list(drawn), list[tuple[float, float]]()
+
+    def normal(self, mean: float, sigma: float, size: int = 1) -> Any:
+        self.asked.append((mean, sigma))
+        return self.drawn.pop(0)
+
+
+def hand_over(
+    monkeypatch: pytest.MonkeyPatch, thing: object, primitive: Primitive
+) -> tuple[list[Any], Chance, PickPlaceAction]:
+    """Return what a hand did to a thing at (0.42, 0.1), turned by 0.2, and what it drew."""
+    done: list[Any] = []
+    rng = Chance(np.array([0.001, -0.002]), 0.01)
+    world = SimpleNamespace(
+        object_pose=lambda _: Pose.from_xyz_rpy((0.42, 0.1, 0.02), (0.0, 0.0, 0.2)),
+        settle=lambda: done.append("settled"),
+    )
+    monkeypatch.setattr(
+        kinematic_hand, "object_at", lambda world, x, y, movable: (x, y, movable) == (0.4, 0.1, True) and thing
+    )
+    monkeypatch.setattr(kinematic_hand, "set_down", lambda world, thing, pose: done.append(pose))
+    for name in ("sweep", "fold"):
+        monkeypatch.setattr(kinematic_hand, name, lambda *given, name=name: done.append((name, *given[1:])))
+    action = PickPlaceAction(PlanarPose(0.4, 0.1, 0.3), PlanarPose(0.5, -0.1, 0.3 + math.pi / 2 - 0.01), primitive)
+    KinematicHand(world, rng).execute(action, None)  # type: ignore[arg-type]
+    return done, rng, action
+
+
+def test_a_hand_without_an_arm_turns_a_thing_about_the_pick(monkeypatch: pytest.MonkeyPatch) -> None:
+    done, rng, _ = hand_over(monkeypatch, "thing", Primitive.PICK_PLACE)
+    assert done[1:] == ["settled"]
+    # the thing's middle, 2 cm ahead of the pick along x, is 2 cm beside the place along y
+    assert done[0].is_close(Pose.from_xyz_rpy((0.501, -0.102 + 0.02, 0.02), (0.0, 0.0, 0.2 + math.pi / 2)), 1e-9)
+    assert rng.asked == [(0.0, 0.001), (0.0, math.radians(0.5))]
+
+
+@pytest.mark.parametrize("primitive", [Primitive.SWEEP, Primitive.FOLD])
+def test_a_hand_without_an_arm_sweeps_and_folds(monkeypatch: pytest.MonkeyPatch, primitive: Primitive) -> None:
+    done, rng, action = hand_over(monkeypatch, "thing", primitive)
+    assert done == [(primitive.label, action.pick, action.place)] and rng.asked == []
+
+
+def test_a_hand_that_meets_nothing_lets_the_world_settle(monkeypatch: pytest.MonkeyPatch) -> None:
+    done, rng, _ = hand_over(monkeypatch, None, Primitive.PICK_PLACE)
+    assert done == ["settled"] and len(rng.asked) == 2, "the same is drawn whatever lies there"
+
+
+# the middle of the workspace from straight above, 1 m high: rows along -x, columns along -y
+DOWN = Pose(np.array([[0.0, -1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]), np.array([0.45, 0.0, 1.0]))
+
+
+@pytest.mark.parametrize(
+    ("pose", "width", "height", "share"),
+    [(DOWN, 1000, 1000, 1.0), (DOWN, 1000, 200, 0.5), (DOWN, 400, 1000, 0.5), (DOWN, 400, 200, 0.25)],
+)
+def test_the_share_of_the_workspace_that_a_camera_sees(pose: Pose, width: int, height: int, share: float) -> None:
+    lens = CameraModel(width, height, 1000.0, 1000.0, width / 2, height / 2)
+    assert OwnSetup(camera=CameraCalibration(lens, pose))._seen_share() == pytest.approx(share)
+
+
+def test_a_camera_that_looks_away_or_sees_a_corner_is_refused() -> None:
+    lens = CameraModel(100, 100, 1000.0, 1000.0, 50.0, 50.0)
+    up = Pose(DOWN.rotation @ np.diag([1.0, -1.0, -1.0]), DOWN.translation)
+    words = r"the camera at \[0.45, 0.0, 1.0\] m sees {} % of the workspace \(at least 5 % needed\)"
+    for pose, percent in ((up, 0), (DOWN, 2)):
+        with pytest.raises(OptionError, match=words.format(percent)):
+            OwnSetup(camera=CameraCalibration(lens, pose))
+
+
+def test_a_set_up_is_recorded_as_numbers() -> None:
+    lens = CameraModel(1000, 800, 1000.0, 1001.0, 500.0, 400.0)
+    settings = OwnSetup(camera=CameraCalibration(lens, DOWN)).settings()
+    assert settings["workspace"] == WorkspaceSpec().to_dict()
+    camera = settings["camera"]
+    assert np.abs(camera.pop("camera_in_base_xyzw")) == pytest.approx([math.sqrt(0.5), math.sqrt(0.5), 0.0, 0.0])
+    assert camera == {
+        **{"width": 1000, "height": 800, "fx": 1000.0, "fy": 1001.0, "cx": 500.0, "cy": 400.0},
+        "camera_in_base_xyz": [0.45, 0.0, 1.0],
+    }
+
+
+@pytest.mark.parametrize(
+    ("aspects", "errors", "height", "border"),
+    [
+        (None, MountingErrors(), 1.0, 12),
+        ("light", MountingErrors(0.1, 0.1), 1.0, 12),
+        ("mounting", MountingErrors(0.0, 0.0), 1.0, 12),
+        ("mounting", MountingErrors(0.002, 0.004), 1.0, 25),  # 4 x 1001 pixels x (4 mrad + 2 mm / 1 m) = 24.02
+        ("mounting", MountingErrors(0.002, 0.004), 0.05, 97),  # as if it were 10 cm high: 96.1
+    ],
+)
+def test_the_border_covers_four_sigmas_of_a_mounting_error(aspects, errors, height: float, border: int) -> None:
+    lens = CameraModel(1000, 800, 1000.0, 1001.0, 500.0, 400.0)
+    pose = Pose(DOWN.rotation, np.array([0.45, 0.0, height]))
+    variation = Variation(Variation.parse(aspects).aspects, mounting=errors)
+    assert _border(CameraCalibration(lens, pose), variation) == border
+
+
+def test_an_observer_sees_what_the_set_up_says() -> None:
+    lens = CameraModel(1000, 800, 1000.0, 1001.0, 500.0, 400.0)
+    whole = Observer(SimConfig(), whole_image=True, camera=CameraCalibration(lens, DOWN))
+    assert whole.camera.intrinsics == lens and whole.workspace == WorkspaceSpec()
+
+
+def test_the_stage_is_seen_from_the_cameras_side() -> None:
+    model = StageCamera(320, 180, finer=2)._camera.config.intrinsics
+    assert (model.width, model.height, model.fx, model.fy, model.cx) == (640, 360, 704.0, 704.0, 320.0)
+    assert model.cy == 360 - 180, "the target is 9/32 of the width above the lower edge"
+
+
+def test_pictures_are_received_40_ms_after_they_were_taken() -> None:
+    zeros = np.zeros(7)
+    state = ArmState(zeros, zeros, zeros, np.zeros(2), np.zeros(2))
+    frame = SimpleNamespace(color=np.zeros((4, 6, 3), np.uint8), depth=np.ones((4, 6), np.float32))
+    lens = CameraModel(6, 4, 5.0, 5.0, 3.0, 2.0)
+    stamps = {m.topic: m.stamp_ns for m in observation_messages(frame, lens, DOWN, state, 7)}  # type: ignore[arg-type]
+    assert stamps[topics.COLOR] == stamps[topics.DEPTH] == 40_000_007
+    assert {stamp for topic, stamp in stamps.items() if topic not in (topics.COLOR, topics.DEPTH)} == {7}
+
+
+def test_the_executor_is_bounded_by_checks_alone() -> None:
+    config = arm_hand._executor_config()
+    assert config.search.time_limit == config.planning_time == 600.0 and config.table.tolerance == 600.0
+    assert config.after_failure is AfterFailure.STAY
+
+
+def test_a_call_is_timed_after_three_that_are_not(monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = iter([0.0, 0.010, 1.0, 1.030, 2.0, 2.020])
+    monkeypatch.setattr(bench.time, "perf_counter", lambda: next(clock))
+    calls: list[int] = []
+    assert bench.timed("name", lambda: calls.append(1), 3) == bench.Row("name", 20.0, 10.0, 30.0, "ms", 3)
+    assert len(calls) == 6
+    assert bench._ms_between([1.0, 1.5, 2.5], 4) == [125.0, 250.0]
+
+
+@pytest.mark.parametrize(
+    ("group", "run"), [(None, ["planning", "page"]), ("page", ["page"]), ("generation", ["generation"])]
+)
+def test_what_takes_minutes_is_measured_on_request_only(monkeypatch: pytest.MonkeyPatch, group, run) -> None:
+    ran: list[str] = []
+    names = ("planning", "generation", "page", "paper_size")
+    monkeypatch.setattr(bench, "BENCHES", {name: lambda name=name: ran.append(name) or [] for name in names})
+    assert bench._measured(group) == ([], 0) and ran == run
+
+
+def test_the_rate_of_all_processes(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[Any] = []
+
+    def run(function, items, processes, set_up):
+        asked.append((function.args[0], list(items), processes))
+        return [(0, 12.0), (1, 24.0)]
+
+    monkeypatch.setattr(bench_generation, "run_parallel", run)
+    monkeypatch.setattr(os, "cpu_count", lambda: 2)
+    # 8 episodes in 12 s are 40 a minute, by each of two processes
+    assert bench_generation.episodes_a_minute("align-rope") == [80.0, 40.0]
+    ((config, items, processes),) = asked
+    assert (config.episodes, config.episodes_per_part, config.n_parts) == (48, 8, 6)
+    assert (items, processes) == ([0, 1, 2, 3, 4, 5], 2)
+
+
+def test_the_share_of_searches_that_find_a_way(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(bench_planning, "clutter_queries", lambda count: list(range(count)))
+    monkeypatch.setattr(bench_planning, "search_times", lambda algorithm, queries: ([1.0] * len(queries), 3))
+    found = [(algorithm.value, [1.0] * 4, 75.0) for algorithm in SearchAlgorithm]
+    assert list(bench_planning.compared(4)) == found
+
+
+def test_simulated_time_is_turned_into_the_machines(monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = object.__new__(bench_page._SimulatedTime)
+    clock._said = []
+    for said, written in ((100, 5000), (120, 5040)):
+        stamp = SimpleNamespace(sec=1, nanosec=said)
+        clock._take(SimpleNamespace(clock=stamp), {"source_timestamp": written})  # type: ignore[arg-type]
+    second = 10**9
+    assert clock.written([second + 100, second + 105, second + 120]) == [5000.0, 5010.0, 5040.0]
+    for stamps in ([second + 99], [second + 105, second + 121]):
+        with pytest.raises(BenchmarkError, match="/clock was not heard"):
+            clock.written(stamps)
+    closed: list[str] = []
+    clock.close = lambda: closed.append("closed")  # type: ignore[method-assign]
+    monkeypatch.setattr(bench_page, "_SimulatedTime", lambda: clock)
+    monkeypatch.setattr(bench_page, "_pictures", lambda page, n: iter([(second + 110, 3_005_020)] * n))
+    monkeypatch.setattr(bench_page.time, "sleep", lambda seconds: None)
+    assert bench_page._latencies(None, 2) == [3.0, 3.0] and closed == ["closed"]  # type: ignore[arg-type]
+
+
+def test_growth_is_that_of_each_thousand_loads(monkeypatch: pytest.MonkeyPatch) -> None:
+    loaded: list[int] = []
+    held = iter([50.0, 53.0, 54.5])
+    monkeypatch.setattr(bench_page, "_files", lambda page: ["/"])
+    monkeypatch.setattr(bench_page, "_load_and_drop", lambda page, files, number: loaded.append(number))
+    monkeypatch.setattr(bench_page, "_resting_mb", lambda page: next(held))
+    assert bench_page._growth(None, 5, 2) == [3.0, 1.5] and loaded == list(range(12))  # type: ignore[arg-type]
+
+
+def test_memory_at_rest_is_the_least_in_three_seconds(monkeypatch: pytest.MonkeyPatch) -> None:
+    slept: list[float] = []
+    monkeypatch.setattr(bench_page.time, "sleep", slept.append)
+    readings = iter([9.0, 7.0, 8.0] * 10)
+    page = SimpleNamespace(resident_mb=lambda: next(readings))
+    assert bench_page._resting_mb(page) == 7.0 and sum(slept) == pytest.approx(3.0) and len(slept) == 30  # type: ignore[arg-type]
+
+
+def test_the_files_that_a_page_names_are_followed(monkeypatch: pytest.MonkeyPatch) -> None:
+    texts = {
+        "/": b'<link href="/static/style.css"><script src="/static/app.js">',
+        "/static/app.js": b'import "./view.js"; import "./app.js"; // /static/style.css',
+    }
+    monkeypatch.setattr(bench_page, "_get", lambda page, path: texts.get(path, b"\xff"))
+    assert bench_page._files(None) == ["/", "/static/style.css", "/static/app.js", "/static/view.js"]  # type: ignore[arg-type]
+
+
+def test_time_and_memory_of_a_process_are_the_systems() -> None:
+    page = object.__new__(PageProcess)
+    page._process = SimpleNamespace(pid=os.getpid())  # type: ignore[assignment]
+    before = sum(os.times()[:2])
+    assert before - 0.02 <= page.cpu_seconds() <= time.process_time() + 0.02
+    pages = int(Path("/proc/self/statm").read_text().split()[1])
+    assert page.resident_mb() == pytest.approx(pages * os.sysconf("SC_PAGE_SIZE") / 2**20, rel=0.05)
