@@ -69,9 +69,9 @@ def test_a_picture_that_cannot_be_decoded_is_said(bench) -> None:
 def test_the_view_is_plain_values_and_says_how_fresh_the_picture_is(bench) -> None:
     for _ in range(11):
         bench.see()
-        bench.now += 0.1
+        bench.now += 0.15
     bench.station.tick(bench.now_ns)
-    assert bench.view["camera"] == {"width": 480, "height": 270, "age_ms": 100, "fps": 10.0}
+    assert bench.view["camera"] == {"width": 480, "height": 270, "age_ms": 150, "fps": 6.7}
     bench.do("open_data_set", name="blocks")
     bench.draw()
     view = bench.station.view("me")

@@ -38,3 +38,21 @@ def test_a_defect_does_not_end_the_heartbeat(monkeypatch: pytest.MonkeyPatch, ca
     with caplog.at_level(logging.ERROR):
         assert asyncio.run(asyncio.wait_for(watch(), 60.0)) == 3
     assert "the state could not be read" in caplog.text
+
+
+def test_the_watch_ends_with_the_server() -> None:
+    station = BrokenStation()
+    station.views = 7  # nothing breaks any more
+    feed = StateFeed(station)  # type: ignore[arg-type]
+
+    async def watch() -> list[asyncio.Task[None]]:
+        async with feed.running():
+            assert feed.view == {"views": 8}
+            waiting = asyncio.create_task(feed.next())
+            await asyncio.sleep(0)  # it begins to wait
+            running = asyncio.all_tasks() - {asyncio.current_task(), waiting}
+        await asyncio.wait_for(waiting, 60.0)
+        await asyncio.wait(running, timeout=60.0)
+        return [task for task in running if not task.cancelled()]
+
+    assert asyncio.run(watch()) == []

@@ -207,3 +207,39 @@ def test_a_real_thread_does_the_writing(tmp_path) -> None:
         after = station.wait_change(after, 1.0)
     assert station.view(None)["episode"]["steps"][0]["outcome"] == "succeeded"
     station.close()
+
+
+@pytest.mark.parametrize("answers", [True, False])
+def test_who_closes_the_station_waits_a_second_for_the_end(held, monkeypatch, answers) -> None:
+    drawn(held)
+    held.do("execute")
+    held.arm.on_phase("CARRY", 0.6)
+    began = held.now
+
+    def pass_time(seconds: float) -> None:
+        held.now += seconds
+        if answers and held.now > began + 0.5:
+            held.arm.on_end(ActionResult(Outcome.CANCELLED, "the arm holds"))
+
+    monkeypatch.setattr("demo_tool.arm_work.time.sleep", pass_time)
+    held.station.close()
+    assert held.now - began == pytest.approx(0.51 if answers else 1.0, abs=0.02)
+    assert len(held.episode().steps) == (1 if answers else 0)
+
+
+@pytest.mark.parametrize("command", ["record", "undo", "end_episode", "open_data_set"])
+def test_nothing_else_begins_while_the_disk_is_written_to(bench, monkeypatch, command) -> None:
+    drawn(bench)
+    bench.do("record")
+    bench.draw()
+    method = {"record": "add_step", "undo": "undo_step", "end_episode": "finish", "open_data_set": "open"}[command]
+    write, seen = getattr(Recorder, method), []
+
+    def noting(recorder, *arguments):
+        seen.append((bench.state, bench.refused("clear")))
+        return write(recorder, *arguments)
+
+    monkeypatch.setattr(Recorder, method, noting)
+    bench.do(command, **({"name": "blocks"} if command == "open_data_set" else {}))
+    assert seen == [("recording", "busy recording (writing to the disk): wait for its end, or stop")]
+    bench.do("clear")

@@ -7,11 +7,12 @@ from types import SimpleNamespace
 
 import anyio
 import cv2
+import h11
 import numpy as np
 import pytest
 from starlette.exceptions import HTTPException
 
-from demo_tool.web import jpeg
+from demo_tool.web import jpeg, server
 from demo_tool.web.access import AccessError, AccessRule, token_from
 from demo_tool.web.arm_holder import GONE_AFTER_S, IDLE_AFTER_S, ArmHolder, Standing
 from demo_tool.web.commands import Request
@@ -235,3 +236,26 @@ def test_who_is_let_in_is_counted_as_admitted() -> None:
     assert status == 421 and headers["x-frame-options"] == "DENY"
     limit.add(("10.0.0.1", 18), lambda: closed.append(18))
     assert closed == [2], "who is refused stays pending"
+
+
+@pytest.mark.parametrize(
+    ("their_state", "trailing", "deadline", "events"),
+    [
+        (h11.IDLE, (b"", False), "old", ["cancelled"]),  # a request is answered, and no other has begun
+        (h11.IDLE, (b"", True), None, []),
+        (h11.IDLE, (b"GET", False), None, ["called in 5.0 s"]),
+        (h11.IDLE, (b"GET", False), "old", []),  # the first byte's deadline holds
+        (h11.SEND_BODY, (b"", False), "old", ["cancelled"]),
+    ],
+)
+def test_the_deadline_of_a_requests_head(monkeypatch, their_state, trailing, deadline, events: list[str]) -> None:
+    heard: list[str] = []
+    monkeypatch.setattr(server.H11Protocol, "data_received", lambda protocol, data: None)
+    protocol = object.__new__(server._BoundedProtocol)
+    protocol.conn = SimpleNamespace(their_state=their_state, trailing_data=trailing)
+    protocol.loop = SimpleNamespace(call_later=lambda seconds, call: heard.append(f"called in {seconds} s"))
+    protocol.transport = SimpleNamespace(abort=None)
+    timer = SimpleNamespace(cancel=lambda: heard.append("cancelled"))
+    protocol._deadline = timer if deadline else None
+    protocol.data_received(b"")
+    assert heard == events

@@ -27,7 +27,7 @@ class StateFeed:
         self._station = station
         self._waiting: asyncio.Event = asyncio.Event()
         self._waits, self._looks = anyio.CapacityLimiter(1), anyio.CapacityLimiter(1)  # one look after the other
-        self.view: Mapping[str, Any] = {}
+        self.view: Mapping[str, Any]  # while it is running
 
     @asynccontextmanager
     async def running(self) -> AsyncIterator[None]:
