@@ -16,7 +16,9 @@ from cliport_benchmark.errors import BenchmarkError
 from panda_executor.config import SearchAlgorithm
 
 
-def test_rows_that_were_measured_are_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_rows_that_were_measured_are_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     def fails() -> Iterator[bench.Row]:
         yield bench.row("half", [1.0], "ms")
         raise BenchmarkError("no fresh heightmap")
@@ -29,6 +31,13 @@ def test_rows_that_were_measured_are_written(tmp_path: Path, monkeypatch: pytest
     monkeypatch.setattr(bench, "BENCHES", groups)
     out = tmp_path / "bench.json"
     assert bench.main(["--out", str(out)]) == 1
+    assert capsys.readouterr().out.splitlines() == [
+        "name                                                        median       min       max  unit     n",
+        "one                                                           2.00      1.00      3.00  ms       2",
+        "half                                                          1.00      1.00      1.00  ms       1",
+        "two                                                           2.00      2.00      2.00  s        1",
+        f"written to {out}",
+    ]
     assert [row["name"] for row in json.loads(out.read_text())["rows"]] == ["one", "half", "two"]
 
 

@@ -188,3 +188,80 @@ def test_impossible_mounting_errors(errors: tuple[float, float]) -> None:
 )
 def test_what_was_unusual_about_a_score(values: dict[str, Any], words: str) -> None:
     assert condition_words(values) == words
+
+
+@pytest.mark.parametrize(
+    ("program", "needed"),
+    [
+        (evaluate_cli, ["--checkpoint", "--task", "--out"]),
+        (evaluate_graph, ["--out"]),
+        (generate_cli, ["--task", "--episodes", "--out"]),
+        (record_cli, ["--task", "--episodes", "--out"]),
+        (experiment_cli, ["--task", "--out"]),
+    ],
+)
+def test_what_must_be_given_is_named(program: Any, needed: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as refusal:
+        program.main([])
+    assert refusal.value.code == 2 and capsys.readouterr().err.strip().endswith(", ".join(needed))
+
+
+class Interrupted:
+    """Whatever a command begins with: somebody interrupts it."""
+
+    def __init__(self, *_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+
+GOES_ON = "error: interrupted; the same command continues where this one stopped\n"
+
+
+@pytest.mark.parametrize(
+    ("program", "first", "options", "said"),
+    [
+        (evaluate_cli, "make_task", ["--checkpoint", "expert", "--out", "r.json"], GOES_ON),
+        (evaluate_graph, "EvaluateConfig", ["--out", "r.json"], GOES_ON),
+        (generate_cli, "GenerateConfig", ["--episodes", "1", "--out", "d"], GOES_ON),
+        (record_cli, "RecordConfig", ["--episodes", "1", "--out", "d"], GOES_ON),
+        (experiment_cli, "Experiment", ["--out", "d"], GOES_ON),
+        (gallery_cli, "task_names", [], "error: interrupted\n"),
+        (demo, "_run", [], "error: interrupted\n"),
+    ],
+)
+def test_an_interrupted_command_says_what_becomes_of_it(
+    program: Any,
+    first: str,
+    options: list[str],
+    said: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(program, first, Interrupted)
+    given = [] if program is gallery_cli else ["--task", TASK]
+    assert program.main([*given, *options]) == 130
+    assert capsys.readouterr().err == said
+
+
+@pytest.mark.parametrize(
+    ("program", "options"),
+    [
+        (evaluate_cli, ["--checkpoint", "expert", "--out", "r.json"]),
+        (evaluate_graph, ["--out", "r.json"]),
+        (generate_cli, ["--episodes", "1", "--out", "d"]),
+        (record_cli, ["--episodes", "1", "--out", "d"]),
+        (experiment_cli, ["--out", "d"]),
+    ],
+)
+def test_a_task_that_is_not_known_is_one_line(
+    program: Any,
+    options: list[str],
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert program.main(["--task", "juggling", *options]) == 1
+    error = capsys.readouterr().err
+    assert error.startswith("error: unknown task 'juggling'") and error.count("\n") == 1

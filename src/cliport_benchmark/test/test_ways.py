@@ -3,29 +3,28 @@
 from __future__ import annotations
 
 import math
-import os
-import time
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
-from cliport_benchmark import arm_hand, bench, bench_generation, bench_page, bench_planning, kinematic_hand
+from cliport_benchmark import (
+    arm_hand,
+    kinematic_hand,
+)
 from cliport_benchmark.camera_messages import observation_messages
-from cliport_benchmark.errors import BenchmarkError, OptionError
+from cliport_benchmark.errors import OptionError
 from cliport_benchmark.kinematic_drag import _moved, _progress
 from cliport_benchmark.kinematic_hand import KinematicHand
 from cliport_benchmark.observer import Observer, _border
 from cliport_benchmark.own_setup import OwnSetup
-from cliport_benchmark.page_process import PageProcess
 from cliport_benchmark.stage_camera import StageCamera
 from cliport_benchmark.variation import MountingErrors, Variation
 from cliport_core import PickPlaceAction, PlanarPose, Pose, Primitive, WorkspaceSpec, topics
 from cliport_perception import CameraModel
 from cliport_perception.camera_file import CameraCalibration
-from panda_executor.config import AfterFailure, SearchAlgorithm
+from panda_executor.config import AfterFailure
 from sim_bridge.panda import ArmState
 from sim_bridge.world import SimConfig
 
@@ -166,6 +165,15 @@ def test_an_observer_sees_what_the_set_up_says() -> None:
     assert whole.camera.intrinsics == lens and whole.workspace == WorkspaceSpec()
 
 
+def test_only_what_sees_the_workspace_is_rendered() -> None:
+    lens = CameraModel(2000, 1600, 1000.0, 1001.0, 1000.0, 800.0)
+    camera = CameraCalibration(lens, DOWN)
+    whole, part = (Observer(SimConfig(), whole_image=whole, camera=camera).camera for whole in (True, False))
+    assert whole._window.shape == (1600, 2000)
+    # 0.4 m x 0.8 m at a height of 12 cm: 455 x 910 pixels, and 12 on each side
+    assert part._window.shape == pytest.approx((455 + 24, 910 + 24), abs=2)
+
+
 def test_the_stage_is_seen_from_the_cameras_side() -> None:
     model = StageCamera(320, 180, finer=2)._camera.config.intrinsics
     assert (model.width, model.height, model.fx, model.fy, model.cx) == (640, 360, 704.0, 704.0, 320.0)
@@ -186,99 +194,3 @@ def test_the_executor_is_bounded_by_checks_alone() -> None:
     config = arm_hand._executor_config()
     assert config.search.time_limit == config.planning_time == 600.0 and config.table.tolerance == 600.0
     assert config.after_failure is AfterFailure.STAY
-
-
-def test_a_call_is_timed_after_three_that_are_not(monkeypatch: pytest.MonkeyPatch) -> None:
-    clock = iter([0.0, 0.010, 1.0, 1.030, 2.0, 2.020])
-    monkeypatch.setattr(bench.time, "perf_counter", lambda: next(clock))
-    calls: list[int] = []
-    assert bench.timed("name", lambda: calls.append(1), 3) == bench.Row("name", 20.0, 10.0, 30.0, "ms", 3)
-    assert len(calls) == 6
-    assert bench._ms_between([1.0, 1.5, 2.5], 4) == [125.0, 250.0]
-
-
-@pytest.mark.parametrize(
-    ("group", "run"), [(None, ["planning", "page"]), ("page", ["page"]), ("generation", ["generation"])]
-)
-def test_what_takes_minutes_is_measured_on_request_only(monkeypatch: pytest.MonkeyPatch, group, run) -> None:
-    ran: list[str] = []
-    names = ("planning", "generation", "page", "paper_size")
-    monkeypatch.setattr(bench, "BENCHES", {name: lambda name=name: ran.append(name) or [] for name in names})
-    assert bench._measured(group) == ([], 0) and ran == run
-
-
-def test_the_rate_of_all_processes(monkeypatch: pytest.MonkeyPatch) -> None:
-    asked: list[Any] = []
-
-    def run(function, items, processes, set_up):
-        asked.append((function.args[0], list(items), processes))
-        return [(0, 12.0), (1, 24.0)]
-
-    monkeypatch.setattr(bench_generation, "run_parallel", run)
-    monkeypatch.setattr(os, "cpu_count", lambda: 2)
-    # 8 episodes in 12 s are 40 a minute, by each of two processes
-    assert bench_generation.episodes_a_minute("align-rope") == [80.0, 40.0]
-    ((config, items, processes),) = asked
-    assert (config.episodes, config.episodes_per_part, config.n_parts) == (48, 8, 6)
-    assert (items, processes) == ([0, 1, 2, 3, 4, 5], 2)
-
-
-def test_the_share_of_searches_that_find_a_way(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(bench_planning, "clutter_queries", lambda count: list(range(count)))
-    monkeypatch.setattr(bench_planning, "search_times", lambda algorithm, queries: ([1.0] * len(queries), 3))
-    found = [(algorithm.value, [1.0] * 4, 75.0) for algorithm in SearchAlgorithm]
-    assert list(bench_planning.compared(4)) == found
-
-
-def test_simulated_time_is_turned_into_the_machines(monkeypatch: pytest.MonkeyPatch) -> None:
-    clock = object.__new__(bench_page._SimulatedTime)
-    clock._said = []
-    for said, written in ((100, 5000), (120, 5040)):
-        stamp = SimpleNamespace(sec=1, nanosec=said)
-        clock._take(SimpleNamespace(clock=stamp), {"source_timestamp": written})  # type: ignore[arg-type]
-    second = 10**9
-    assert clock.written([second + 100, second + 105, second + 120]) == [5000.0, 5010.0, 5040.0]
-    for stamps in ([second + 99], [second + 105, second + 121]):
-        with pytest.raises(BenchmarkError, match="/clock was not heard"):
-            clock.written(stamps)
-    closed: list[str] = []
-    clock.close = lambda: closed.append("closed")  # type: ignore[method-assign]
-    monkeypatch.setattr(bench_page, "_SimulatedTime", lambda: clock)
-    monkeypatch.setattr(bench_page, "_pictures", lambda page, n: iter([(second + 110, 3_005_020)] * n))
-    monkeypatch.setattr(bench_page.time, "sleep", lambda seconds: None)
-    assert bench_page._latencies(None, 2) == [3.0, 3.0] and closed == ["closed"]  # type: ignore[arg-type]
-
-
-def test_growth_is_that_of_each_thousand_loads(monkeypatch: pytest.MonkeyPatch) -> None:
-    loaded: list[int] = []
-    held = iter([50.0, 53.0, 54.5])
-    monkeypatch.setattr(bench_page, "_files", lambda page: ["/"])
-    monkeypatch.setattr(bench_page, "_load_and_drop", lambda page, files, number: loaded.append(number))
-    monkeypatch.setattr(bench_page, "_resting_mb", lambda page: next(held))
-    assert bench_page._growth(None, 5, 2) == [3.0, 1.5] and loaded == list(range(12))  # type: ignore[arg-type]
-
-
-def test_memory_at_rest_is_the_least_in_three_seconds(monkeypatch: pytest.MonkeyPatch) -> None:
-    slept: list[float] = []
-    monkeypatch.setattr(bench_page.time, "sleep", slept.append)
-    readings = iter([9.0, 7.0, 8.0] * 10)
-    page = SimpleNamespace(resident_mb=lambda: next(readings))
-    assert bench_page._resting_mb(page) == 7.0 and sum(slept) == pytest.approx(3.0) and len(slept) == 30  # type: ignore[arg-type]
-
-
-def test_the_files_that_a_page_names_are_followed(monkeypatch: pytest.MonkeyPatch) -> None:
-    texts = {
-        "/": b'<link href="/static/style.css"><script src="/static/app.js">',
-        "/static/app.js": b'import "./view.js"; import "./app.js"; // /static/style.css',
-    }
-    monkeypatch.setattr(bench_page, "_get", lambda page, path: texts.get(path, b"\xff"))
-    assert bench_page._files(None) == ["/", "/static/style.css", "/static/app.js", "/static/view.js"]  # type: ignore[arg-type]
-
-
-def test_time_and_memory_of_a_process_are_the_systems() -> None:
-    page = object.__new__(PageProcess)
-    page._process = SimpleNamespace(pid=os.getpid())  # type: ignore[assignment]
-    before = sum(os.times()[:2])
-    assert before - 0.02 <= page.cpu_seconds() <= time.process_time() + 0.02
-    pages = int(Path("/proc/self/statm").read_text().split()[1])
-    assert page.resident_mb() == pytest.approx(pages * os.sysconf("SC_PAGE_SIZE") / 2**20, rel=0.05)
