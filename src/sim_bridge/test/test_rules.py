@@ -141,17 +141,6 @@ def test_the_beads_under_the_opened_fingers(along: float, across: float, caught:
     assert _caught(np.array([(0.4, 0.1), other]), 0, yaw) == caught
 
 
-def test_a_bead_that_can_be_taken_alone_is_worth_three_centimetres() -> None:
-    """The one in a crowd is 2.5 or 3.5 cm farther from its slot."""
-    ring = [(0.02 * math.cos(0.25 * i), 0.02 * math.sin(0.25 * i)) for i in range(13)]
-    for farther, taken in ((0.025, 19), (0.035, 0)):
-        beads, slots = rope((19, 0.0, 0.05))
-        beads[0] = slots[0] + (0.0, -0.05 - farther)
-        beads[1:14] = beads[0] + np.array(ring)
-        slots[1:14] = beads[1:14]
-        assert next_fold(beads, slots)[0] == taken
-
-
 @pytest.mark.parametrize(
     ("edge", "share", "size"),
     [
