@@ -1,0 +1,179 @@
+"""What each group of `make bench` measures and how often, with everything that takes time played."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from cliport_benchmark import bench
+from cliport_core import PickPlaceAction, PlanarPose
+
+POSE = PlanarPose(0.4, 0.0, 0.0)
+
+
+class Anything:
+    """Has everything, does nothing, and counts its calls by name."""
+
+    calls: list[str]
+
+    def __init__(self, name: str, calls: list[str]) -> None:
+        self._name, self.calls = name, calls
+
+    def __getattr__(self, name: str) -> Anything:
+        return Anything(f"{self._name}.{name}", self.calls)
+
+    def __call__(self, *_: Any, **__: Any) -> Anything:
+        self.calls.append(self._name)
+        return self
+
+    def __enter__(self) -> Anything:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.calls.append(f"{self._name} ends")
+
+
+@pytest.fixture
+def played(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Whatever the groups use, played; the names of what was called."""
+    calls: list[str] = []
+    for path in (
+        "cliport_benchmark.observer.Observer",
+        "cliport_perception.heightmap_builder.HeightmapBuilder",
+        "cliport_policy.load_policy",
+        "sim_bridge.rendering.camera.SimCamera",
+        "sim_bridge.scene.reset_scene",
+        "sim_bridge.world.SimWorld",
+        "panda_executor.model.PandaModel",
+        "panda_executor.transfer.TransferPlanner",
+        "cliport_benchmark.graph_process.GraphProcess",
+    ):
+        monkeypatch.setattr(path, Anything(path.rpartition(".")[2], calls))
+    clock = iter(0.25 * n for n in range(10_000))
+    monkeypatch.setattr(bench.time, "perf_counter", lambda: next(clock))
+    monkeypatch.setattr(bench.time, "sleep", lambda seconds: calls.append(f"sleeps {seconds} s"))
+    return calls
+
+
+def table(rows: Any) -> list[tuple[str, float, str, int]]:
+    return [(row.name, row.median, row.unit, row.n) for row in rows]
+
+
+def test_camera_and_action(played: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    timed: list[tuple[str, int]] = []
+
+    def time_once(name: str, call: Callable[[], object], n: int) -> bench.Row:
+        timed.append((name, n))
+        call()
+        return bench.row(name, [1.0], "ms")
+
+    calls = [("a_frame", lambda: played.append("framed"), 50)]
+    monkeypatch.setattr("cliport_benchmark.bench_perception.frame_calls", lambda frame, builder: calls)
+    monkeypatch.setattr(bench, "timed", time_once)
+    assert len(bench.bench_camera_and_action()) == 6
+    names = ["render_960x540", "render_960x540_no_noise", "render_window", "render_window_new_look"]
+    assert timed == [("action_compact", 30), ("a_frame", 50), *((name, 30) for name in names)]
+    assert played.count("SimCamera.capture") == 3 and played.count("Observer.frame") == 2
+    assert played.count("Observer.new_scene") == 1 and played[-1] == "SimWorld.close"
+    assert played.count("load_policy.infer") == 1 and played.count("framed") == 1
+
+
+def test_planning(played: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    action = PickPlaceAction(POSE, POSE)
+    scenes = (SimpleNamespace(expert_action=lambda n=n: None if n == 3 else action) for n in range(99))
+    monkeypatch.setattr("sim_bridge.scene.reset_scene", lambda world, task, split, seed: next(scenes))
+    monkeypatch.setattr("sim_bridge.world.SimConfig", lambda: SimpleNamespace(workspace=None))
+    monkeypatch.setattr("cliport_benchmark.bench_planning.compared", lambda n: [("rrt", [float(n), 2.0 * n], 75.0)])
+    assert table(bench.bench_planning()) == [
+        ("plan_transfer", 250.0, "ms", 19),
+        ("search_clutter_rrt", 30.0, "ms", 2),
+        ("search_clutter_rrt_found", 75.0, "%", 1),
+    ]
+    assert played.count("TransferPlanner.plan") == 19 and "SimWorld.close" in played
+
+
+def test_first_motion(played: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[tuple[Any, ...]] = []
+    client = SimpleNamespace(
+        wait_ready=lambda timeout, alive: asked.append((timeout,)),
+        reset=lambda task, split, seed: f"sentence {seed}",
+        seconds_to_motion=lambda sentence, timeout: asked.append((sentence, timeout)) or float(sentence[-1]),
+        instruct=lambda text: asked.append((text,)),
+        wait_at_rest=lambda timeout: asked.append((timeout,)),
+    )
+    context = type("Context", (), {"__enter__": lambda _: client, "__exit__": lambda *_: None})
+    monkeypatch.setattr("cliport_benchmark.graph_client.GraphClient", lambda name: context())
+    assert table(bench.bench_first_motion()) == [("first_motion", 2.0, "s", 5)]
+    each = [[(f"sentence {n}", 20.0), ("",), (20.0,)] for n in range(5)]
+    assert asked == [(120.0,), *(line for lines in each for line in lines)]
+    assert played.count("sleeps 1.0 s") == 5 and played[-1] == "GraphProcess ends"
+
+
+def test_inference_and_the_network_of_the_papers_size(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = {"loading": [1.0], "actions": [3.0, 5.0], "resident": [700.0], "highest": [900.0]}
+    done: list[int] = []
+    monkeypatch.setattr("cliport_benchmark.bench_inference.footprint", lambda checkpoint: found)
+    monkeypatch.setattr("cliport_benchmark.bench_inference.paper_size_footprint", lambda: found)
+    monkeypatch.setattr("cliport_benchmark.bench_inference.tricks", lambda: [("trick", lambda: done.append(1))])
+    rows = table(bench.bench_inference())
+    assert rows[:3] == [
+        ("load_compact", 1.0, "s", 1),
+        ("resident_compact", 700.0, "MB", 1),
+        ("highest_compact", 900.0, "MB", 1),
+    ]
+    assert (rows[3][0], rows[3][3], len(done)) == ("trick", 10, 13), "three calls before those that are timed"
+    assert table(bench.bench_paper_size()) == [
+        ("load_cliport", 1.0, "s", 1),
+        ("action_cliport", 4.0, "ms", 2),
+        ("resident_cliport", 700.0, "MB", 1),
+        ("highest_cliport", 900.0, "MB", 1),
+    ]
+
+
+def test_training(monkeypatch: pytest.MonkeyPatch) -> None:
+    trained: list[tuple[int, int, int, int]] = []
+    clock = [0.0]
+
+    class Trainer:
+        def __init__(self, sources: Any, out: Any, network: Any, config: Any, encoder: Any, facts: Any) -> None:
+            trained.append(
+                (config.steps, config.phrases_per_goal, config.rotator_rotations, config.transport_rotations)
+            )
+            self.steps, self.loader = config.steps, SimpleNamespace(steps=lambda first: iter(self._load, None))
+            self.batch = config.batch_size
+
+        def run(self, on_step: Callable[[object], None]) -> None:
+            for _ in range(self.steps):
+                clock[0] += 0.5 * self.batch
+                on_step(None)
+
+        def _load(self) -> int:
+            clock[0] += 0.25 * self.batch
+            return 1
+
+    made: list[Any] = []
+    monkeypatch.setattr(bench.time, "perf_counter", lambda: clock[0])
+    monkeypatch.setattr(
+        "cliport_benchmark.generate.make_part", lambda config, folder, index: made.append((config, index))
+    )
+    monkeypatch.setattr("cliport_policy.data.demonstrations.load_demonstrations", lambda folder: None)
+    monkeypatch.setattr("cliport_policy.data.mixture.Source", lambda data: data)
+    monkeypatch.setattr("cliport_policy.language.shared_encoder", lambda: None)
+    monkeypatch.setattr("cliport_policy.training.allocator.keep_freed_memory", lambda: None)
+    monkeypatch.setattr("cliport_policy.training.trainer.Trainer", Trainer)
+    assert table(bench.bench_training()) == [
+        ("train_sample_compact", 500.0, "ms", 13),
+        ("train_sample_compact_all", 500.0, "ms", 5),
+        ("load_sample", 250.0, "ms", 8),
+    ]
+    ((config, index),) = made
+    assert (config.episodes, config.split, index) == (12, "train", 0)
+    assert trained == [(16, 3, 12, 4), (8, 3, 0, 0)]
+
+
+def test_each_group_has_a_name_and_two_are_measured_on_request() -> None:
+    assert set(bench.ON_REQUEST) < set(bench.BENCHES) and len(bench.BENCHES) == 8
+    assert list(bench.versions()) == list(bench.PACKAGES) and all(bench.versions().values())
