@@ -51,7 +51,7 @@ def test_scores_stand_beside_the_papers(tmp_path: Path) -> None:
         test, val = (paper_scores()[table, method, TASK, int(row[2])] for table in ("1", "4"))
         assert [row[4], row[8], row[10]] == [f"{test:.1f}", f"{val:.1f}", method]
     assert json_path.read_text().count('"method"') == 3
-    assert cv2.imread(str(plot_path)).shape[1] > 500
+    assert cv2.imread(str(plot_path)).shape == (660, 600, 3)  # 5 x 5.5 inches a task, of 120 pixels
 
 
 def test_a_test_whose_scenes_were_all_discarded_leaves_its_cell_empty(tmp_path: Path) -> None:
@@ -76,6 +76,19 @@ def test_what_the_paper_has_not_stands_beside_nothing(tmp_path: Path) -> None:
     rows = {(row[1], row[0]): [row[4], row[8]] for row in rows_of(write_report(tmp_path)[1])}
     assert all(rows[method, TASK][0] and rows[method, TASK][1] for method in ("told", "own"))
     assert rows["told", unseen] == rows["own", objects] == ["", ""]
+
+
+@pytest.mark.parametrize(
+    ("error", "words"), [(OSError(28, "No space left on device"), "No space left on device"), (OSError("odd"), "odd")]
+)
+def test_a_report_that_cannot_be_written_is_one_line(tmp_path: Path, monkeypatch, error: OSError, words: str) -> None:
+    def fails(*_: object) -> None:
+        raise error
+
+    write(tmp_path, "compact", 100, 50.0)
+    monkeypatch.setattr("cliport_benchmark.experiment_report._plot", fails)
+    with pytest.raises(DataFolderError, match=f"^cannot write the report in {tmp_path}: {words}$"):
+        write_report(tmp_path)
 
 
 def test_nothing_and_damaged_results_are_refused(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 from pathlib import Path
 from types import SimpleNamespace
@@ -216,6 +217,23 @@ def test_a_graph_is_interrupted_then_terminated_then_killed(tmp_path: Path, monk
     left.clear()
     graph.stop()
     assert sent == [(40, signal.SIGINT, 22)] and clock.now == pytest.approx(122.0, abs=0.3)
+
+
+def test_processes_are_known_by_their_session(monkeypatch: pytest.MonkeyPatch) -> None:
+    own, missing = os.getpid(), 2**30
+    assert graph_process._session_of(own) == os.getsid(0) and own in graph_process._all_pids()
+    assert graph_process._state(own) == "R" and graph_process._state(missing) == "Z"
+    assert graph_process._session_of(missing) == -1 and graph_process._command_line(missing) == []
+    assert "python" in graph_process._command_line(own)[0]
+    graph_process._signal(missing, signal.SIGTERM)
+    monkeypatch.setattr(graph_process, "_state", lambda pid: "S")
+    for error in (ProcessLookupError, PermissionError):
+
+        def refuse(pid: int, error: type[OSError] = error) -> int:
+            raise error
+
+        monkeypatch.setattr(graph_process.os, "getsid", refuse)
+        assert graph_process._session_of(own) == -1
 
 
 def test_a_film_keeps_a_frame_every_so_often(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
