@@ -158,3 +158,14 @@ def test_an_evaluation_says_its_mean_and_the_time_left(monkeypatch: pytest.Monke
         "[2/4] seed 2: score 0.00 in 2 steps, GRASP_MISSED: nothing held, it saw nothing; mean 50.0, ETA 2.0 min",
         "[3/4] seed 3: discarded, no place; mean 50.0, ETA 1.0 min",
     ]
+
+
+@pytest.mark.parametrize(("first", "complete"), [(None, 3), (2, 2), (9, 3)])
+def test_the_parts_that_are_complete_are_counted(monkeypatch, capsys, tmp_path: Path, first, complete: int) -> None:
+    asked: list[Any] = []
+    monkeypatch.setattr(
+        generate_cli, "generate", lambda config, out, processes, *more: asked.append((processes, more[2]))
+    )
+    options = ["--task", TASK, "--episodes", "101", "--out", str(tmp_path)]
+    assert generate_cli.main([*options, *(["--first-parts", str(first)] if first else [])]) == 0
+    assert capsys.readouterr().out == f"{complete} parts complete in {tmp_path}\n" and asked == [(2, first)]

@@ -7,6 +7,7 @@ from typing import Any
 
 import cv2
 import pytest
+from matplotlib.figure import Figure
 
 from cliport_benchmark.errors import DataFolderError, OptionError
 from cliport_benchmark.experiment import Experiment, choose
@@ -76,6 +77,24 @@ def test_what_the_paper_has_not_stands_beside_nothing(tmp_path: Path) -> None:
     rows = {(row[1], row[0]): [row[4], row[8]] for row in rows_of(write_report(tmp_path)[1])}
     assert all(rows[method, TASK][0] and rows[method, TASK][1] for method in ("told", "own"))
     assert rows["told", unseen] == rows["own", objects] == ["", ""]
+
+
+def test_each_network_has_a_line_beside_the_papers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    drawn: list[Figure] = []
+    monkeypatch.setattr(Figure, "savefig", lambda figure, path, dpi: drawn.append(figure))
+    for method, n_demos, score in (("compact", 10, 55.5), ("transporter", 100, 22.25), ("compact", 100, 99.0)):
+        write(tmp_path, method, n_demos, score)
+    write_report(tmp_path)
+    (panel,) = drawn[0].axes
+    lines = {line.get_label(): (list(line.get_xdata()), list(line.get_ydata())) for line in panel.lines}
+    paper = [paper_scores()["1", "CLIPORT (single)", TASK, n] for n in (1, 10, 100, 1000)]
+    assert lines == {
+        "compact": ([10, 100], [55.5, 99.0]),
+        "transporter": ([100], [22.25]),
+        "paper, test: CLIPORT (single)": ([1, 10, 100, 1000], paper),
+        "chance": ([0, 1], [20.0, 20.0]),
+    }
+    assert panel.get_title() == TASK and panel.get_ylim() == (0, 103) and panel.get_xscale() == "log"
 
 
 @pytest.mark.parametrize(

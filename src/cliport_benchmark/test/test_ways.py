@@ -22,6 +22,7 @@ from cliport_benchmark.own_setup import OwnSetup
 from cliport_benchmark.stage_camera import StageCamera
 from cliport_benchmark.variation import MountingErrors, Variation
 from cliport_core import PickPlaceAction, PlanarPose, Pose, Primitive, WorkspaceSpec, topics
+from cliport_episodes.bags import decode
 from cliport_perception import CameraModel
 from cliport_perception.camera_file import CameraCalibration
 from panda_executor.config import AfterFailure
@@ -181,13 +182,18 @@ def test_the_stage_is_seen_from_the_cameras_side() -> None:
 
 
 def test_pictures_are_received_40_ms_after_they_were_taken() -> None:
-    zeros = np.zeros(7)
-    state = ArmState(zeros, zeros, zeros, np.zeros(2), np.zeros(2))
+    numbers = np.arange(7.0)
+    state = ArmState(numbers, 10.0 + numbers, 20.0 + numbers, np.array([7.0, 8.0]), np.array([17.0, 18.0]))
     frame = SimpleNamespace(color=np.zeros((4, 6, 3), np.uint8), depth=np.ones((4, 6), np.float32))
     lens = CameraModel(6, 4, 5.0, 5.0, 3.0, 2.0)
-    stamps = {m.topic: m.stamp_ns for m in observation_messages(frame, lens, DOWN, state, 7)}  # type: ignore[arg-type]
+    messages = observation_messages(frame, lens, DOWN, state, 7)  # type: ignore[arg-type]
+    stamps = {m.topic: m.stamp_ns for m in messages}
     assert stamps[topics.COLOR] == stamps[topics.DEPTH] == 40_000_007
     assert {stamp for topic, stamp in stamps.items() if topic not in (topics.COLOR, topics.DEPTH)} == {7}
+    (joints,) = [decode(m) for m in messages if m.topic == topics.JOINT_STATES]
+    assert list(joints.position) == [float(n) for n in range(9)]
+    assert list(joints.velocity) == [10.0 + n for n in range(9)]
+    assert list(joints.effort) == [*(20.0 + n for n in range(7)), 0.0, 0.0]
 
 
 def test_the_executor_is_bounded_by_checks_alone() -> None:
