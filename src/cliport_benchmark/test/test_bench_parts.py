@@ -8,12 +8,14 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from cliport_benchmark import bench, bench_generation, bench_page, bench_perception, bench_planning
 from cliport_benchmark.errors import BenchmarkError
 from cliport_benchmark.page_process import PageProcess
 from cliport_core import WorkspaceSpec
+from cliport_core.image_files import encode_jpeg
 from panda_executor.config import SearchAlgorithm
 
 
@@ -147,3 +149,42 @@ def test_rates_of_making_data_become_rows(monkeypatch: pytest.MonkeyPatch) -> No
     monkeypatch.setattr("cliport_benchmark.bench_generation.episodes_a_minute", lambda task: [40.0, 20.0])
     rows = [(r.name, r.median, r.unit, r.n) for r in bench.bench_generation()]
     assert rows == [("generate_fast_align-rope", 30.0, "/min", 2), ("generate_fast_align-rope_ratio", 15.0, "x", 2)]
+
+
+class Pictures:
+    """A page's server that sends pictures of one width, numbered from 1."""
+
+    def __init__(self, width: int) -> None:
+        self.width, self.asked, self.closed = width, list[str](), False
+
+    def __call__(self, host: str, port: int, timeout: float) -> Pictures:
+        assert (host, port) == ("127.0.0.1", 7)
+        return self
+
+    def request(self, method: str, path: str) -> None:
+        self.asked.append(path)
+
+    def getresponse(self) -> SimpleNamespace:
+        number = len(self.asked)
+        headers = {"X-Sequence": str(number), "X-Stamp-Ns": str(100 * number), "X-Level": "3"}
+        file = encode_jpeg(np.zeros((4, self.width, 3), np.uint8), 50)
+        return SimpleNamespace(status=200, read=lambda: file, headers=headers)
+
+    def close(self) -> None:
+        self.closed = True
+
+
+def test_the_first_five_pictures_are_not_counted(monkeypatch: pytest.MonkeyPatch) -> None:
+    served = Pictures(960)
+    monkeypatch.setattr(bench_page, "HTTPConnection", served)
+    clock = iter(0.25 * n for n in range(99))
+    monkeypatch.setattr(bench_page.time, "perf_counter", lambda: next(clock))
+    found = list(bench_page._pictures(SimpleNamespace(port=7), 3))  # type: ignore[arg-type]
+    assert [stamp for stamp, _ in found] == [600, 700, 800] and served.closed
+    assert served.asked[:2] == [
+        "/picture/color.jpg?after=0&width=960",
+        "/picture/color.jpg?after=1&width=960&level=3&took=250",
+    ]
+    monkeypatch.setattr(bench_page, "HTTPConnection", Pictures(640))
+    with pytest.raises(BenchmarkError, match="is not 960 pixels wide: the link is too slow for it"):
+        list(bench_page._pictures(SimpleNamespace(port=7), 3))  # type: ignore[arg-type]

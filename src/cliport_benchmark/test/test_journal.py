@@ -70,3 +70,12 @@ def test_episodes_through_the_graph_come_back_as_they_were(tmp_path: Path) -> No
     episode = GraphEpisode(3, 0.5, 2, ("first", "second"), "reached", 40.5)
     Journal(tmp_path / "graph.json", {"graph": True}).add(episode)
     assert Journal(tmp_path / "graph.json", {"graph": True}).outcomes == {3: episode}
+
+
+def test_a_journal_that_never_began_is_removed_without_a_word(tmp_path: Path) -> None:
+    journal = Journal(tmp_path / "results.json", {"task": SEEN})
+    journal.remove()
+    journal.add(SCENES[0])
+    assert [path.name for path in tmp_path.iterdir()] == ["results.episodes.jsonl"]
+    journal.remove()
+    assert not list(tmp_path.iterdir())
