@@ -132,7 +132,10 @@ def test_a_lock_is_of_a_folder_and_says_why_not(tmp_path: Path, monkeypatch: pyt
         raise OSError(errno.ENOLCK, "No locks available")
 
     monkeypatch.setattr(fcntl, "flock", refuse)
-    with pytest.raises(EpisodeError, match="cannot be held for writing: No locks available"):
+    with pytest.raises(
+        EpisodeError,
+        match=r"cannot be locked against other programs \(No locks available\): keep the data set on a local",
+    ):
         FolderLock(tmp_path)
     assert len(os.listdir("/proc/self/fd")) == open_before
 

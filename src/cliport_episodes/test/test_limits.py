@@ -181,16 +181,17 @@ def test_edits_keep_from_the_first_to_the_last(first: int | None, last: int | No
         (Edits(success=True, finished=True), {"success": "true", "finished": "true"}),
         (Edits(success=False, first=0), {"success": "false", "finished": "false", "first": "0"}),
         (
-            Edits(None, False, {2: "b", 1: "ä"}, None, 3, "seen"),
+            Edits(None, False, {2: "b", 1: "ä"}, None, 3, "seen", 7),
             {"success": "unmarked", "finished": "false", "instructions": '{"1": "ä", "2": "b"}', "last": "3",
-             "notes": "seen"},
+             "notes": "seen", "edited_ns": "7"},
         ),
     ],
 )  # fmt: skip
 def test_edits_as_text_and_back(edits: Edits, data: dict[str, str]) -> None:
     written = edits.to_custom_data()
     assert written == {"cliport_format": "1", **data}
-    assert Edits.from_custom_data({**written, "other": "ignored"}) == edits
+    assert Edits.from_custom_data(written) == edits
+    assert Edits.from_custom_data({**written, "other": "kept"}) == replace(edits, others={"other": "kept"})
 
 
 @pytest.mark.parametrize(
@@ -251,5 +252,5 @@ def test_shares_and_numbers_of_a_split(parts: dict[str, float], available: int, 
 
 
 def test_a_merge_in_words() -> None:
-    assert Merged(("a", "b"), 2).words("other") == "2 of the 2 episodes of other are added"
-    assert Merged((), 2).words("x") == "0 of the 2 episodes of x are added; the others were here already"
+    assert Merged(("a", "b"), (), (), 2).words("other") == "2 of the 2 episodes of other are added"
+    assert Merged((), (), (), 2).words("x") == "0 of the 2 episodes of x are added; the others were here already"

@@ -38,6 +38,7 @@ def test_the_view_before_anything_has_come(bench) -> None:
         "camera": {"width": 0, "height": 0, "age_ms": None, "fps": 0.0},
         "holder": None,
         "last": {"ok": True, "words": ""},
+        "scenes": True,
     }
 
 
