@@ -24,10 +24,10 @@ COMMANDS: dict[str, dict[str, set[str]]] = {
     "demo_tool": {"app": set(), "episodes": set()},
     "cliport_policy": {
         **{name: set() for name in ("server", "offline", "fit_color_words")},
-        **dict.fromkeys(("train", "dataset", "calibrate", "reliability", "explain"), TRAIN),
+        **dict.fromkeys(("train", "dataset", "learn", "calibrate", "reliability", "explain"), TRAIN),
     },
     "sim_bridge": {"sim": SIMULATE},
-    "panda_driver": {"driver": DRIVER, "conformance": set()},
+    "panda_driver": {"driver": DRIVER, "conformance": set(), "record_run": set()},
     "cliport_benchmark": {
         **dict.fromkeys(("demo", "evaluate", "evaluate_graph", "results", "card_scores", "gallery"), SIMULATE),
         **dict.fromkeys(("record", "generate", "experiment", "bench"), TRAIN | SIMULATE),

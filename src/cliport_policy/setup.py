@@ -26,6 +26,7 @@ setup(
             "dataset = cliport_policy.dataset:main",
             "explain = cliport_policy.explain:main",
             "fit_color_words = cliport_policy.color_words:main",
+            "learn = cliport_policy.learn:main",
             "offline = cliport_policy.offline:main",
             "reliability = cliport_policy.reliability:main",
             "server = cliport_policy.node:main",

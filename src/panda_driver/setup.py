@@ -24,6 +24,7 @@ setup(
         "console_scripts": [
             "driver = panda_driver.node:main",
             "conformance = panda_driver.conformance.main:main",
+            "record_run = panda_driver.record_run:main",
         ]
     },
 )

@@ -62,3 +62,7 @@ def _entry(result: dict[str, Any], path: Path, present: str) -> tuple[str, dict[
         raise OptionError(f"{path} is of other weights ({result['weights_sha256'][:12]}, not {present[:12]})")
     name = f"{result['task']} {result['split']}{condition_words(result)}"
     return name, {key: result[key] for key in (*_KEPT, *_PROVENANCE) if key in result}
+
+
+if __name__ == "__main__":
+    sys.exit(main())

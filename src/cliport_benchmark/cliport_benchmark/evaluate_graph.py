@@ -124,3 +124,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--real-time-factor", type=float, default=1.0)
     parser.add_argument("--out", type=Path, required=True)
     return parser
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -102,3 +102,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--split", default="test", help="train, val or test")
     parser.add_argument("--seed", type=int, default=0, help="which scene")
     return parser
+
+
+if __name__ == "__main__":
+    sys.exit(main())

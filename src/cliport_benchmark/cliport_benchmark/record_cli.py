@@ -93,3 +93,7 @@ def _parser() -> argparse.ArgumentParser:
     add_setup_options(parser)
     add_variation_options(parser)
     return parser
+
+
+if __name__ == "__main__":
+    sys.exit(main())

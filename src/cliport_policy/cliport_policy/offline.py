@@ -44,7 +44,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         if args.worst < 0:
             raise ConfigError(f"--worst is {args.worst}: give 0 or more")
         policy = load_policy(args.checkpoint)
-        run = _Run(policy, args.worst, {ours: getattr(args, name) for name, ours in _TOPICS.items()})
+        run = OfflineRun(policy, args.worst, {ours: getattr(args, name) for name, ours in _TOPICS.items()})
         started = time.monotonic()
         for bag in args.bag:
             run.add(bag)
@@ -66,12 +66,15 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 @dataclass
-class _Run:
-    """Pass through bags that keeps the steps with the greatest errors for their pictures."""
+class OfflineRun:
+    """Pass through bags that keeps the steps with the greatest errors for their pictures.
+
+    n_worst: number of those; renamed: topics of plain bags, by the names of the options.
+    """
 
     policy: Policy
-    n_worst: int
-    renamed: dict[str, str]
+    n_worst: int = 0
+    renamed: dict[str, str] = field(default_factory=dict)
     comparisons: list[Comparison] = field(default_factory=list)
     finished: list[dict[str, Any]] = field(default_factory=list)
     worst: list[tuple[Comparison, RecordedStep]] = field(default_factory=list)

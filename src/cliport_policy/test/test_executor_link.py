@@ -144,6 +144,9 @@ def test_a_goal_from_its_sending_to_its_result(action: Client) -> None:
     action.future.end(handle)
     feedback = type("Message", (), {"feedback": PickPlace.Feedback(phase_name="CARRY")})
     action.feedback(feedback)
+    waiting = PickPlace.Feedback(phase=PickPlace.Feedback.PHASE_APPROVAL, phase_name="APPROVAL", plan_id="1a2b3c4d")
+    for message in (waiting, PickPlace.Feedback(phase_name="DESCEND", plan_id="1a2b3c4d")):
+        action.feedback(type("Message", (), {"feedback": message}))
     link.cancel(4)
     assert handle.cancelled == 0
     link.cancel(5)
@@ -152,8 +155,13 @@ def test_a_goal_from_its_sending_to_its_result(action: Client) -> None:
     handle.future.end(type("Response", (), {"status": GoalStatus.STATUS_SUCCEEDED, "result": result}))
     link.cancel(5)
     assert handle.cancelled == 1  # it is over
-    assert server.heard[:2] == [("on_goal_response", 5, True, NOW), ("on_feedback", 5, "CARRY", NOW)]
-    kind, token, answer, now = server.heard[2]
+    assert server.heard[:4] == [
+        ("on_goal_response", 5, True, NOW),
+        ("on_feedback", 5, "CARRY", NOW, ""),
+        ("on_feedback", 5, "APPROVAL", NOW, "1a2b3c4d"),
+        ("on_feedback", 5, "DESCEND", NOW, ""),
+    ]
+    kind, token, answer, now = server.heard[4]
     assert (kind, token, answer.outcome, answer.message, now) == ("on_result", 5, Outcome.SUCCEEDED, "done", NOW)
 
 

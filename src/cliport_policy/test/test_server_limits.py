@@ -80,7 +80,7 @@ def test_a_status_shows_the_action_only_while_it_matters() -> None:
     world.think(primitive=Primitive.SWEEP, confidence=0.75)
     waiting = world.statuses[-1]
     assert (waiting.confidence, waiting.primitive, waiting.step) == (0.75, Primitive.SWEEP, 0) and waiting.proposal_id
-    world.approve()
+    world.agree()
     words = "step 1: asking the executor"
     assert world.statuses[-1] == ServerStatus(PolicyState.EXECUTING, words, GOAL, 1, 0.75, Primitive.SWEEP)
     world.accept()

@@ -219,3 +219,7 @@ def _part(text: str) -> tuple[str, float]:
         return name, float(share)
     except ValueError:
         raise argparse.ArgumentTypeError(f"'{text}' is not NAME=SHARE, as in train=0.8") from None
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -112,6 +112,7 @@ def test_the_options_defaults() -> None:
         "ask_token": False,
         "tls_cert": None,
         "tls_key": None,
+        "open": False,
         "name": [],
     }
     assert app._parser().parse_args(["--ask-token", "--name", "a", "--name", "b"]).name == ["a", "b"]

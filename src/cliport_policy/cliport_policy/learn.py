@@ -1,0 +1,183 @@
+"""`ros2 run cliport_policy learn --from-bags DIR --out DIR`: from recorded episodes to a better policy, in one command.
+
+Every fifth episode or so is held out. The others become a training set, the policy is trained on it, and both, the one
+that it began with and the new one, are asked about the steps that were held out. Run again, it goes on; with more
+episodes it begins anew beside what was learned before.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import json
+import os
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from cliport_core.command_line import CommandParser
+from cliport_core.errors import CoreError
+from cliport_episodes.errors import EpisodesError
+from cliport_policy import train
+from cliport_policy.comparison import summarize
+from cliport_policy.data.episode_folders import find_episodes
+from cliport_policy.data.from_bags import Selection, make_data_set
+from cliport_policy.errors import DataError, PolicyError
+from cliport_policy.offline import OfflineRun
+from cliport_policy.policy import load_policy
+
+REPORT_NAME = "learned.json"
+FROM_NOTHING = "none"  # in place of a checkpoint to begin with
+_HELD_OUT = 5  # of so many episodes one is held out
+_LEAST = 4  # episodes; of fewer none is held out
+_SHOWN = (
+    ("both_within_20_mm", "pick and place within 20 mm", lambda value: f"{100 * value:.0f} %"),
+    ("pick_mm", "pick, median", lambda value: f"{value['median']:.0f} mm"),
+    ("place_mm", "place, median", lambda value: f"{value['median']:.0f} mm"),
+)
+
+
+@dataclass(frozen=True)
+class Lesson:
+    """Episodes to learn from, those held out, and the folder of what is made of them."""
+
+    learned: tuple[Path, ...]
+    held_out: tuple[Path, ...]
+    folder: Path
+
+    @classmethod
+    def of(cls, episodes: Sequence[Path], out: Path) -> Lesson:
+        """Hold out episodes by their names.
+
+        What was held out stays so when more are recorded, but for the only one of a few.
+        """
+        held_out = [path for path in episodes if _number(path.name) % _HELD_OUT == 0]
+        if len(episodes) < _LEAST:
+            held_out = []
+        elif not held_out or len(held_out) == len(episodes):
+            held_out = [min(episodes, key=lambda path: _number(path.name))]
+        learned = tuple(path for path in episodes if path not in held_out)
+        names = "\n".join(sorted(path.name for path in episodes))
+        return cls(learned, tuple(held_out), out / hashlib.sha256(names.encode()).hexdigest()[:8])
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command; return the exit status."""
+    args = _parser().parse_args(argv)
+    started = time.monotonic()
+    try:
+        lesson = Lesson.of(find_episodes(args.from_bags), args.out)
+        said = "none" if not lesson.held_out else f"{len(lesson.held_out)}"
+        print(f"{len(lesson.learned)} episodes to learn from, {said} held out; {lesson.folder}", flush=True)
+        _make_data(lesson, args)
+        before = None if args.init == FROM_NOTHING else _compared(args.init, lesson.held_out)
+        if status := train.main(_training(lesson, args)):
+            return status
+        if not _is_whole(lesson.folder / "training"):
+            print("error: stopped before its end; the same command goes on", file=sys.stderr)
+            return 130
+        after = _compared(str(lesson.folder / "training"), lesson.held_out)
+        minutes = round((time.monotonic() - started) / 60, 1)
+        _write(lesson.folder / REPORT_NAME, lesson, args.init, before, after, minutes)
+    except (PolicyError, CoreError, EpisodesError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        print("error: interrupted; the same command goes on", file=sys.stderr)
+        return 130
+    print(_table(before, after, len(lesson.held_out)))
+    print(
+        f"after {minutes:g} min: ros2 run cliport_policy server --ros-args -p checkpoint:={lesson.folder / 'training'}"
+    )
+    return 0
+
+
+def _make_data(lesson: Lesson, args: argparse.Namespace) -> None:
+    """Make the training set, unless it is there."""
+    data = lesson.folder / "data"
+    if (data / "meta.json").is_file():
+        return
+    lesson.folder.mkdir(parents=True, exist_ok=True)
+    tally = make_data_set(lesson.learned, data, Selection(failed=args.with_failed))
+    print(f"{tally.steps} steps and {tally.finished} finished scenes of {tally.episodes} episodes", flush=True)
+
+
+def _training(lesson: Lesson, args: argparse.Namespace) -> list[str]:
+    """Return the arguments of `train`."""
+    words = ["--data", str(lesson.folder / "data"), "--out", str(lesson.folder / "training")]
+    if args.init != FROM_NOTHING:
+        words += ["--init", args.init]
+    if args.old is not None:
+        words = [f"{words[1]}:0.6" if word == words[1] else word for word in words] + ["--data", f"{args.old}:0.4"]
+    return words + [word for given in args.train_options for word in given.split()]
+
+
+def _is_whole(training: Path) -> bool:
+    """Return True if a training reached its last step."""
+    try:
+        made_by = json.loads((training / "policy.json").read_text())["made_by"]
+        return bool(made_by["steps_done"] >= made_by["train"]["steps"])
+    except (OSError, ValueError, KeyError) as error:
+        raise DataError(f"{training} holds no policy that can be read ({error}): delete it and run again") from None
+
+
+def _compared(checkpoint: str, episodes: Sequence[Path]) -> dict[str, Any] | None:
+    """Return how far a policy is from what was recorded, None where nothing was held out."""
+    if not episodes:
+        return None
+    run = OfflineRun(load_policy(checkpoint))
+    for path in episodes:
+        run.add(path)
+    return summarize(run.comparisons)
+
+
+def _write(
+    path: Path, lesson: Lesson, init: str, before: dict[str, Any] | None, after: dict[str, Any] | None, minutes: float
+) -> None:
+    report = {
+        "init": init,
+        "learned": [episode.name for episode in lesson.learned],
+        "held_out": [episode.name for episode in lesson.held_out],
+        "before": before,
+        "after": after,
+        "minutes": minutes,
+    }
+    new = path.with_suffix(".new")
+    try:
+        new.write_text(json.dumps(report, indent=2) + "\n")
+        os.replace(new, path)
+    except OSError as error:
+        raise DataError(f"cannot write {path} ({error.strerror})") from error
+
+
+def _table(before: dict[str, Any] | None, after: dict[str, Any] | None, episodes: int) -> str:
+    if after is None:
+        return f"no episode was held out: record {_LEAST} or more to see what was learned"
+    lines = [f"{after['steps']} steps of {episodes} episodes held out{'before':>16}{'after':>10}"]
+    for name, words, shown in _SHOWN:
+        values = ["" if found is None or name not in found else shown(found[name]) for found in (before, after)]
+        lines.append(f"{words:<36}{values[0]:>10}{values[1]:>10}")
+    return "\n".join(lines)
+
+
+def _number(name: str) -> int:
+    return int.from_bytes(hashlib.sha256(name.encode()).digest()[:4])
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = CommandParser(prog="learn", description="Train a policy on recorded episodes, and say what it learned.")
+    add = parser.add_argument
+    add("--from-bags", type=Path, nargs="+", required=True, metavar="DIR", help="data sets of episodes, or episodes")
+    add("--out", type=Path, required=True, metavar="DIR", help="folder for what is learned")
+    add("--init", default="default", metavar="CHECKPOINT", help="to begin with; none: from nothing (default default)")
+    add("--old", type=Path, metavar="DIR", help="training set of what it knows already, so that it is not forgotten")
+    add("--with-failed", action="store_true", help="use what is marked as a failure, too")
+    add("--train-options", nargs="+", default=[], metavar="WORDS", help='more for train, as in "--steps 400"')
+    return parser
+
+
+if __name__ == "__main__":
+    sys.exit(main())
