@@ -86,6 +86,7 @@ class RunRecorder(Node):
 
     def _on_feedback(self, part: str, message: Any) -> None:
         goal, feedback = bytes(message.goal_id.uuid).hex(), message.feedback
+        values: tuple[list[float], list[float], list[float]]
         if part == "arm":
             values = (list(feedback.desired.positions), list(feedback.actual.positions), [])
         else:
