@@ -24,7 +24,7 @@ setup(
         "console_scripts": [
             "driver = panda_driver.node:main",
             "conformance = panda_driver.conformance.main:main",
-            "record_run = panda_driver.record_run:main",
+            "record_run = panda_driver.node_record_run:main",
         ]
     },
 )

@@ -50,7 +50,7 @@ class Lesson:
 
     @classmethod
     def of(cls, episodes: Sequence[Path], out: Path) -> Lesson:
-        """Hold out episodes by their names.
+        """Return what is to be learned of episodes, of which some are held out by their names.
 
         What was held out stays so when more are recorded, but for the only one of a few.
         """

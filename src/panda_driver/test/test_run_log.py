@@ -22,7 +22,7 @@ from ros_domain import next_domain
 from sensor_msgs.msg import JointState
 
 from panda_driver.errors import DriverError
-from panda_driver.record_run import RunRecorder, main
+from panda_driver.node_record_run import RunRecorder, main
 from panda_driver.run_log import RunLog
 from panda_model import load_preset
 
