@@ -41,13 +41,16 @@ def vacated_share(cloud: npt.NDArray[np.float32], grasp: Grasp) -> float:
 def seen_shift(cloud: npt.NDArray[np.float32], grasp: Grasp) -> FloatArray:
     """Return how far the object went, (2,) [m, base frame], as a later cloud (N, 3) shows; 2 cm along x and y at most.
 
-    The shift that puts most of the object's cells onto what is as high as it, and fewest onto lower ground; unseen
-    cells say nothing. The shortest of those that are as good.
+    The shift that puts most of the object's cells onto what is as high as it, and fewest onto lower ground. The
+    shortest of those that are as good, and none where less than half of the object's place is seen: what stands beside
+    it would be taken for it.
     """
     border = round(_REACH / grasp.cell)
     highest, own = _highest(cloud, grasp, border)
     known = highest < grasp.top_z + _ABOVE_TOP
     votes = np.where(np.isfinite(highest) & known, np.where(highest >= _limit(grasp), 1, -1), 0)
+    if np.count_nonzero(votes[own[:, 1], own[:, 0]]) < len(own) / 2:
+        return np.zeros(2)
     steps = sorted(itertools.product(range(-border, border + 1), repeat=2), key=lambda s: (s[0] ** 2 + s[1] ** 2, s))
     scores = np.array([votes[own[:, 1] + dy, own[:, 0] + dx].sum() for dx, dy in steps])
     first = int(np.argmax(scores >= scores.max() - _AS_GOOD * len(own)))

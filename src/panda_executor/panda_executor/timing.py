@@ -109,12 +109,9 @@ def _sampled(
     velocity = d1 * ds
     acceleration = d2 * ds**2 + d1 * dds
     jerk_bend = d3 * ds**3 + 3.0 * d2 * ds * dds  # the profile's own jerk is within its share already
-    too_fast = float((limits.velocity_ratio(q, velocity) / _HEADROOM).max())
-    if too_fast > _MOST_STRETCH:
-        raise TrajectoryError("the path passes so near the end of a joint's range that the arm could only creep there")
     stretch = max(
         1.0,
-        too_fast,
+        _slower(limits, q, velocity) / _HEADROOM,
         math.sqrt(float((np.abs(acceleration) / (limits.acceleration * _HEADROOM)).max())),
         float(np.cbrt((np.abs(jerk_bend) / (limits.jerk * (_HEADROOM - _JERK_HEADROOM))).max())),
     )
@@ -134,7 +131,7 @@ def within_limits(trajectory: JointTrajectory, limits: JointLimits) -> JointTraj
     position, velocity, acceleration, jerk = trajectory.sample(fine)
     stretch = max(
         1.0,
-        float(limits.velocity_ratio(position, velocity).max()),
+        _slower(limits, position, velocity),
         math.sqrt(float((np.abs(acceleration) / limits.acceleration).max())),
         float(np.cbrt((np.abs(jerk) / limits.jerk).max())),
     )
@@ -145,6 +142,18 @@ def within_limits(trajectory: JointTrajectory, limits: JointLimits) -> JointTraj
         trajectory.velocities / stretch,
         trajectory.accelerations / stretch**2,
     )
+
+
+def _slower(limits: JointLimits, positions: FloatArray, velocities: FloatArray) -> float:
+    """Return by what factor a motion through positions and velocities (N, 7) must be slower.
+
+    Raises:
+        TrajectoryError: when the arm could only creep, so near the end of a joint's range.
+    """
+    factor = float(limits.velocity_ratio(positions, velocities).max())
+    if limits.slow_ends is not None and factor > _MOST_STRETCH:
+        raise TrajectoryError("the path passes so near the end of a joint's range that the arm could only creep there")
+    return factor
 
 
 def _rest_to_rest(length: float, speed: float, acceleration: float, jerk: float) -> Trajectory:

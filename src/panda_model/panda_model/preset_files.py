@@ -44,7 +44,7 @@ def _arm(name: str, content: dict[str, Any], path: Path) -> ArmModel:
     keys = [f.name for f in fields(ArmModel) if f.name not in ("name", "prefix") and not f.name.endswith("_frame")]
     _check_keys(content, [*keys, "frames"], str(path))
     frames = _mapping(content, "frames", _FRAMES, path)
-    limits = dict(_mapping(content, "limits", [f.name for f in fields(JointLimits)], path, "slow_ends"))
+    limits = _mapping(content, "limits", [f.name for f in fields(JointLimits)], path, "slow_ends")
     description = _mapping(content, "description", [f.name for f in fields(Description)], path)
     return ArmModel(
         name=name,
