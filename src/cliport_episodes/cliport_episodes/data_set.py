@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from cliport_episodes.capture_setup import CaptureSetup
-from cliport_episodes.data_set_file import FILE, read_setup, write_setup
+from cliport_episodes.data_set_file import FILE, read_setup, restore_setup, write_setup
 from cliport_episodes.disk import UNFINISHED, copy_folder, disk_errors, move
 from cliport_episodes.edits import Edits
 from cliport_episodes.episode_folder import (
@@ -19,12 +19,11 @@ from cliport_episodes.episode_folder import (
     UNDONE,
     change_edits,
     locked,
-    restore_setup,
     step_paths,
     unused_path,
 )
 from cliport_episodes.errors import DataSetError, EpisodeError, SetupDiffersError
-from cliport_episodes.merging import Kinship, Merged, kinship, take_over_edits, take_over_steps
+from cliport_episodes.merging import Fate, Merged, merge_known
 from cliport_episodes.names import check_instruction, check_name
 from cliport_episodes.reader import Episode, read_episode
 from cliport_episodes.statistics import Statistics, count_statistics
@@ -169,9 +168,9 @@ class DataSet:
     def merge(self, other: Path) -> Merged:
         """Add the episodes of another data set, which is left unchanged.
 
-        An episode that is here already, step by step, is not added again. Where it went on there, or was edited there
-        later than here, it takes the place of the one here, whose steps go to the trash; where it went on in both,
-        that stays. One that shares only its name with an episode here gets another name.
+        An episode that is here already, step by step, is not added again. Where it went on there, it takes the place of
+        the one here, which goes to the trash; where it was edited there later, its edits are taken over. Where both
+        went on or were edited otherwise, that here stays. One that shares only its name gets another name.
 
         Raises:
             SetupDiffersError: when the other was recorded with another setup.
@@ -183,29 +182,21 @@ class DataSet:
         if differences := source.setup.differences(self.setup):
             raise SetupDiffersError(self.name, differences)
         offered = source._folders(EPISODES)
-        found: dict[str, list[str]] = {"added": [], "updated": [], "forked": [], "known": []}
-        for folder in offered:
-            fate, name = self._merge_one(folder)
-            found[fate].append(name)
-        return Merged(tuple(found["added"]), tuple(found["updated"]), tuple(found["forked"]), len(offered))
+        found = [self._merge_one(folder) for folder in offered]
+        added, updated, forked = (
+            tuple(name for fate, name in found if fate is wanted) for wanted in (Fate.ADDED, Fate.UPDATED, Fate.FORKED)
+        )
+        return Merged(added, updated, forked, len(offered))
 
-    def _merge_one(self, folder: Path) -> tuple[str, str]:
+    def _merge_one(self, folder: Path) -> tuple[Fate, str]:
         """Take in an episode from elsewhere; return what became of it, and its name here."""
         # an episode that was merged before has its own name here, or that with a number
         for here in self._folders(EPISODES):
-            if not f"{here.name}-".startswith(f"{folder.name}-"):
-                continue
-            match kinship(folder, here):
-                case Kinship.SAME:
-                    return "updated" if take_over_edits(folder, here, self.setup) else "known", here.name
-                case Kinship.SHORTER:
-                    return "known", here.name
-                case Kinship.FORKED:
-                    return "forked", here.name
-                case Kinship.LONGER:
-                    take_over_steps(folder, here, self.path / TRASH)
-                    return "updated", here.name
-        return "added", self._add(folder)
+            if f"{here.name}-".startswith(f"{folder.name}-"):
+                fate = merge_known(folder, here, self.setup, self.path / TRASH)
+                if fate is not None:
+                    return fate, here.name
+        return Fate.ADDED, self._add(folder)
 
     def split(self, shares: Sequence[tuple[str, float]], seed: int) -> dict[str, DataSet]:
         """Split the episodes at random into new data sets `<this>_<part>` beside this one, which is left unchanged.

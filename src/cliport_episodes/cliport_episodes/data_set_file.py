@@ -8,6 +8,7 @@ import yaml
 
 from cliport_episodes.capture_setup import CaptureSetup
 from cliport_episodes.disk import disk_errors, replace_text, sync
+from cliport_episodes.episode_folder import EPISODES, read_own_setup
 from cliport_episodes.errors import DataSetError, SetupError
 
 FILE = "dataset.yaml"
@@ -41,3 +42,25 @@ def read_setup(data_set: Path) -> CaptureSetup:
     except (OSError, yaml.YAMLError, UnicodeDecodeError, TypeError, KeyError, SetupError) as error:
         reason = " ".join(str(error).split())
         raise DataSetError(f"'{data_set / FILE}' does not describe a data set: {reason}") from None
+
+
+def restore_setup(data_set: Path) -> None:
+    """Write the dataset.yaml that a data set has lost, from the setup that its episodes carry.
+
+    Nothing happens where no episode carries one.
+
+    Raises:
+        DataSetError: when they differ. DiskError.
+    """
+    folders = sorted((data_set / EPISODES).glob("[!.]*"))
+    found = {folder.name: setup for folder in folders if (setup := read_own_setup(folder)) is not None}
+    if not found:
+        return
+    first, setup = next(iter(found.items()))
+    for name, other in found.items():
+        if differences := other.differences(setup):
+            raise DataSetError(
+                f"'{data_set}' has lost its {FILE}, and its episodes '{first}' and '{name}' are not of one setup "
+                f"({'; '.join(differences)}): move those of one of them to a folder of their own"
+            )
+    write_setup(data_set, setup)

@@ -20,12 +20,10 @@ from cliport_episodes.bag_file import BagFile, describe
 from cliport_episodes.bag_metadata import FILE as METADATA
 from cliport_episodes.bag_metadata import read_custom_data, write_metadata
 from cliport_episodes.capture_setup import CaptureSetup
-from cliport_episodes.data_set_file import write_setup
 from cliport_episodes.disk import disk_errors
 from cliport_episodes.edits import SETUP, Edits
 from cliport_episodes.errors import (
     BagError,
-    DataSetError,
     EpisodeBusyError,
     EpisodeError,
     LaterFormatError,
@@ -37,6 +35,7 @@ EPISODES, TRASH = "episodes", "trash"  # folders of a data set
 UNDONE = "undone"  # a folder beside them: undone steps, in folders with their episodes' names
 FINAL = "final.mcap"
 _LOCK = ".lock"  # in an episode's folder
+_NO_FILE = (errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOSPC, errno.EDQUOT)  # why there can be none
 _STEP = re.compile(r"step_(\d{3,9})\.mcap")
 
 
@@ -93,7 +92,9 @@ def read_edits(folder: Path) -> tuple[Edits, str | None]:
     try:
         return Edits.from_custom_data(read_custom_data(folder)), None
     except BagError as error:
-        return Edits(finished=(folder / FINAL).exists()), f"{error}: marks, relabelled instructions and trims are lost"
+        return Edits(
+            finished=(folder / FINAL).exists()
+        ), f"{error}: marks, relabelled instructions and trims are not known"
 
 
 def edits_to_change(folder: Path) -> Edits:
@@ -122,30 +123,6 @@ def read_own_setup(folder: Path) -> CaptureSetup | None:
         return CaptureSetup.from_dict(json.loads(read_custom_data(folder)[SETUP]))
     except (BagError, SetupError, KeyError, TypeError, ValueError):
         return None
-
-
-def restore_setup(data_set: Path) -> None:
-    """Write the dataset.yaml that a data set has lost, from the setup that its episodes carry.
-
-    Nothing happens where no episode carries one.
-
-    Raises:
-        DataSetError: when they differ. DiskError.
-    """
-    found: dict[str, CaptureSetup] = {}
-    for folder in sorted((data_set / EPISODES).glob("[!.]*")):
-        setup = read_own_setup(folder)
-        if setup is not None:
-            found[folder.name] = setup
-    for name, setup in found.items():
-        first = next(iter(found))
-        if differences := setup.differences(found[first]):
-            raise DataSetError(
-                f"'{data_set}' has lost its dataset.yaml, and its episodes '{first}' and '{name}' are not of one setup "
-                f"({'; '.join(differences)}): move those of one of them to a folder of their own"
-            )
-    if found:
-        write_setup(data_set, next(iter(found.values())))
 
 
 def custom_data(edits: Edits, setup: CaptureSetup) -> Mapping[str, str]:
@@ -183,11 +160,9 @@ class FolderLock:
         self._descriptor: int | None = None
         try:
             try:
-                self._descriptor = os.open(folder / _LOCK, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
-            except PermissionError:
-                self._descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+                self._descriptor = os.open(folder / _LOCK, os.O_RDWR | os.O_CREAT, 0o666)
             except OSError as error:
-                if error.errno not in (errno.EROFS, errno.ENOSPC, errno.EDQUOT):
+                if error.errno not in _NO_FILE:
                     raise
                 self._descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
             fcntl.flock(self._descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import fcntl
+import os
 import shutil
 from collections.abc import Callable
 from dataclasses import replace
@@ -16,6 +17,7 @@ from cliport_episodes.capture_setup import CaptureSetup
 from cliport_episodes.data_set import DataSet
 from cliport_episodes.demonstration import StepRecord
 from cliport_episodes.edits import Edits
+from cliport_episodes.episode_folder import FolderLock
 from cliport_episodes.errors import DataSetError, EpisodeBusyError, EpisodeError
 from cliport_episodes.raw import RawMessage
 from cliport_episodes.reader import read_episode
@@ -75,8 +77,22 @@ def test_where_both_went_on_the_one_here_stays_and_that_is_said(
     go_on(copied, "pull it")
     merged = data_set.merge(copied.path)
     assert merged == ((), (), ("a",), 1)
-    assert merged.words("copy").endswith("; 1 went on in both and stay as they are here: a")
+    assert merged.words("copy").endswith("; 1 went on or were edited in both and stay as they are here: a")
     assert data_set.episode("a").steps[-1].record.instruction == "push it"
+
+
+def test_labels_of_a_copy_that_the_other_outgrew_are_not_lost_in_silence(
+    data_set: DataSet, copied: DataSet, go_on: GoOn
+) -> None:
+    copied.relabel("a", "tidy up", 1)
+    go_on(data_set, "push it")
+    assert data_set.merge(copied.path).forked == ("a",)
+    assert copied.merge(data_set.path).forked == ("a",)
+    assert shown(data_set) == [("a", 3, True)] and shown(copied) == [("a", 2, True)]
+    data_set.mark("a", True)  # later than what was done there
+    assert data_set.merge(copied.path) == ((), (), (), 1)
+    assert copied.merge(data_set.path).updated == ("a",)
+    assert shown(copied) == [("a", 3, True)]
 
 
 def test_the_later_labels_win_and_nothing_else(data_set: DataSet, copied: DataSet) -> None:
@@ -173,24 +189,37 @@ def test_an_episode_whose_steps_cannot_be_read_just_now_is_not_removed(data_set:
     assert len(read_episode(step.parent).steps) == 1
 
 
-@pytest.mark.parametrize("place", ["network", "read only"])
-def test_where_nothing_can_be_locked_nothing_is_written(
-    data_set: DataSet, add_episode: Add, monkeypatch: pytest.MonkeyPatch, place: str
+def test_on_a_file_system_without_locks_nothing_is_written(
+    data_set: DataSet, add_episode: Add, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A network file system without locks says so; on a disk that is read only the folder itself is locked."""
     name = add_episode(data_set.path, 1)
-    folder = data_set.path / "episodes" / name
-    before = (folder / "metadata.yaml").read_bytes()
-    if place == "network":
-        monkeypatch.setattr(fcntl, "flock", _raise_no_locks)
-        with pytest.raises(EpisodeError, match=r"cannot be locked against other programs .*network one that has locks"):
-            data_set.mark(name, False)
-    else:
-        (folder / ".lock").unlink()
-        (folder / ".lock").mkdir()  # as little writable as a file there would be
-        with pytest.raises(EpisodeError, match="cannot be locked"):
-            data_set.mark(name, False)
-    assert (folder / "metadata.yaml").read_bytes() == before
+    before = (data_set.path / "episodes" / name / "metadata.yaml").read_bytes()
+    monkeypatch.setattr(fcntl, "flock", _raise_no_locks)
+    with pytest.raises(EpisodeError, match=r"cannot be locked against other programs .*network one that has locks"):
+        data_set.mark(name, False)
+    assert (data_set.path / "episodes" / name / "metadata.yaml").read_bytes() == before
+
+
+@pytest.mark.parametrize("number", [errno.EROFS, errno.EACCES, errno.ENOSPC])
+def test_where_no_file_can_be_made_the_folder_itself_is_locked(
+    data_set: DataSet, add_episode: Add, monkeypatch: pytest.MonkeyPatch, number: int
+) -> None:
+    """As the source of a merge is, on a disk that is read only."""
+    folder = data_set.path / "episodes" / add_episode(data_set.path, 1)
+    (folder / ".lock").unlink()
+    opened = os.open
+
+    def refuse(path: Path, *arguments: int) -> int:
+        if Path(path).name == ".lock":
+            raise OSError(number, os.strerror(number))
+        return opened(path, *arguments)
+
+    monkeypatch.setattr(os, "open", refuse)
+    lock = FolderLock(folder)
+    with pytest.raises(EpisodeBusyError):
+        FolderLock(folder)
+    lock.release()
+    FolderLock(folder).release()
 
 
 def _raise_no_locks(*_: object) -> None:

@@ -2,15 +2,14 @@
 
 Every fifth episode or so is held out. The others become a training set, the policy is trained on it, and both, the one
 that it began with and the new one, are asked about the steps that were held out. Run again, it goes on; with more
-episodes it begins anew beside what was learned before.
+episodes, or ones that were edited since, it begins anew beside what was learned before.
 """
 
 from __future__ import annotations
 
 import argparse
 import hashlib
-import json
-import os
+import signal
 import sys
 import time
 from collections.abc import Sequence
@@ -20,12 +19,15 @@ from typing import Any
 
 from cliport_core.command_line import CommandParser
 from cliport_core.errors import CoreError
+from cliport_episodes.bag_metadata import FILE as METADATA
+from cliport_episodes.episode_folder import step_paths
 from cliport_episodes.errors import EpisodesError
 from cliport_policy import train
-from cliport_policy.comparison import summarize
+from cliport_policy.checkpoint import load_card, write_json
+from cliport_policy.comparison import NEAR_MM, summarize
 from cliport_policy.data.episode_folders import find_episodes
 from cliport_policy.data.from_bags import Selection, make_data_set
-from cliport_policy.errors import DataError, PolicyError
+from cliport_policy.errors import PolicyError
 from cliport_policy.offline import OfflineRun
 from cliport_policy.policy import load_policy
 
@@ -34,7 +36,7 @@ FROM_NOTHING = "none"  # in place of a checkpoint to begin with
 _HELD_OUT = 5  # of so many episodes one is held out
 _LEAST = 4  # episodes; of fewer none is held out
 _SHOWN = (
-    ("both_within_20_mm", "pick and place within 20 mm", lambda value: f"{100 * value:.0f} %"),
+    (f"both_within_{NEAR_MM:.0f}_mm", f"pick and place within {NEAR_MM:.0f} mm", lambda value: f"{100 * value:.0f} %"),
     ("pick_mm", "pick, median", lambda value: f"{value['median']:.0f} mm"),
     ("place_mm", "place, median", lambda value: f"{value['median']:.0f} mm"),
 )
@@ -49,10 +51,11 @@ class Lesson:
     folder: Path
 
     @classmethod
-    def of(cls, episodes: Sequence[Path], out: Path) -> Lesson:
+    def of(cls, episodes: Sequence[Path], out: Path, how: Sequence[str] = ()) -> Lesson:
         """Return what is to be learned of episodes, of which some are held out by their names.
 
-        What was held out stays so when more are recorded, but for the only one of a few.
+        What was held out stays so when more are recorded, but for the only one of a few. The folder is another one for
+        other episodes, for the same with other steps or edits, and for other words of `how`.
         """
         held_out = [path for path in episodes if _number(path.name) % _HELD_OUT == 0]
         if len(episodes) < _LEAST:
@@ -60,8 +63,12 @@ class Lesson:
         elif not held_out or len(held_out) == len(episodes):
             held_out = [min(episodes, key=lambda path: _number(path.name))]
         learned = tuple(path for path in episodes if path not in held_out)
-        names = "\n".join(sorted(path.name for path in episodes))
-        return cls(learned, tuple(held_out), out / hashlib.sha256(names.encode()).hexdigest()[:8])
+        digest = hashlib.sha256("\n".join(how).encode())
+        for path in sorted(episodes, key=lambda path: path.name):
+            metadata = path / METADATA
+            digest.update(f"{path.name} {len(step_paths(path))} ".encode())
+            digest.update(metadata.read_bytes() if metadata.is_file() else b"")
+        return cls(learned, tuple(held_out), out / digest.hexdigest()[:8])
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -69,19 +76,30 @@ def main(argv: Sequence[str] | None = None) -> int:
     args = _parser().parse_args(argv)
     started = time.monotonic()
     try:
-        lesson = Lesson.of(find_episodes(args.from_bags), args.out)
-        said = "none" if not lesson.held_out else f"{len(lesson.held_out)}"
-        print(f"{len(lesson.learned)} episodes to learn from, {said} held out; {lesson.folder}", flush=True)
+        lesson = Lesson.of(find_episodes(args.from_bags), args.out, (args.init, str(args.old), str(args.with_failed)))
+        print(
+            f"{len(lesson.learned)} episodes to learn from, {len(lesson.held_out)} held out; {lesson.folder}",
+            flush=True,
+        )
         _make_data(lesson, args)
         before = None if args.init == FROM_NOTHING else _compared(args.init, lesson.held_out)
         if status := train.main(_training(lesson, args)):
             return status
+        signal.signal(signal.SIGINT, signal.default_int_handler)  # which training took for itself
         if not _is_whole(lesson.folder / "training"):
             print("error: stopped before its end; the same command goes on", file=sys.stderr)
             return 130
         after = _compared(str(lesson.folder / "training"), lesson.held_out)
         minutes = round((time.monotonic() - started) / 60, 1)
-        _write(lesson.folder / REPORT_NAME, lesson, args.init, before, after, minutes)
+        report = {
+            "init": args.init,
+            "learned": [episode.name for episode in lesson.learned],
+            "held_out": [episode.name for episode in lesson.held_out],
+            "before": before,
+            "after": after,
+            "minutes_of_this_run": minutes,
+        }
+        write_json(lesson.folder / REPORT_NAME, report)
     except (PolicyError, CoreError, EpisodesError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 1
@@ -100,28 +118,24 @@ def _make_data(lesson: Lesson, args: argparse.Namespace) -> None:
     data = lesson.folder / "data"
     if (data / "meta.json").is_file():
         return
-    lesson.folder.mkdir(parents=True, exist_ok=True)
     tally = make_data_set(lesson.learned, data, Selection(failed=args.with_failed))
     print(f"{tally.steps} steps and {tally.finished} finished scenes of {tally.episodes} episodes", flush=True)
 
 
 def _training(lesson: Lesson, args: argparse.Namespace) -> list[str]:
     """Return the arguments of `train`."""
-    words = ["--data", str(lesson.folder / "data"), "--out", str(lesson.folder / "training")]
+    data = str(lesson.folder / "data")
+    words = ["--data", data] if args.old is None else ["--data", f"{data}:0.6", "--data", f"{args.old}:0.4"]
+    words += ["--out", str(lesson.folder / "training")]
     if args.init != FROM_NOTHING:
         words += ["--init", args.init]
-    if args.old is not None:
-        words = [f"{words[1]}:0.6" if word == words[1] else word for word in words] + ["--data", f"{args.old}:0.4"]
-    return words + [word for given in args.train_options for word in given.split()]
+    return words + args.train_options.split()
 
 
 def _is_whole(training: Path) -> bool:
     """Return True if a training reached its last step."""
-    try:
-        made_by = json.loads((training / "policy.json").read_text())["made_by"]
-        return bool(made_by["steps_done"] >= made_by["train"]["steps"])
-    except (OSError, ValueError, KeyError) as error:
-        raise DataError(f"{training} holds no policy that can be read ({error}): delete it and run again") from None
+    made_by = load_card(training / "policy.safetensors").made_by
+    return bool(made_by["steps_done"] >= made_by["train"]["steps"])
 
 
 def _compared(checkpoint: str, episodes: Sequence[Path]) -> dict[str, Any] | None:
@@ -132,25 +146,6 @@ def _compared(checkpoint: str, episodes: Sequence[Path]) -> dict[str, Any] | Non
     for path in episodes:
         run.add(path)
     return summarize(run.comparisons)
-
-
-def _write(
-    path: Path, lesson: Lesson, init: str, before: dict[str, Any] | None, after: dict[str, Any] | None, minutes: float
-) -> None:
-    report = {
-        "init": init,
-        "learned": [episode.name for episode in lesson.learned],
-        "held_out": [episode.name for episode in lesson.held_out],
-        "before": before,
-        "after": after,
-        "minutes": minutes,
-    }
-    new = path.with_suffix(".new")
-    try:
-        new.write_text(json.dumps(report, indent=2) + "\n")
-        os.replace(new, path)
-    except OSError as error:
-        raise DataError(f"cannot write {path} ({error.strerror})") from error
 
 
 def _table(before: dict[str, Any] | None, after: dict[str, Any] | None, episodes: int) -> str:
@@ -175,7 +170,7 @@ def _parser() -> argparse.ArgumentParser:
     add("--init", default="default", metavar="CHECKPOINT", help="to begin with; none: from nothing (default default)")
     add("--old", type=Path, metavar="DIR", help="training set of what it knows already, so that it is not forgotten")
     add("--with-failed", action="store_true", help="use what is marked as a failure, too")
-    add("--train-options", nargs="+", default=[], metavar="WORDS", help='more for train, as in "--steps 400"')
+    add("--train-options", default="", metavar="WORDS", help='more for train, as in "--steps 400"')
     return parser
 
 

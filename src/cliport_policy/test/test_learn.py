@@ -3,9 +3,11 @@
 import json
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
+from cliport_episodes.data_set import DataSet
 from cliport_policy import learn
 from cliport_policy.learn import Lesson, main
 
@@ -17,6 +19,8 @@ FEW = "--batch 2 --phrases 1 --device cpu --steps 2"
 
 def test_what_is_held_out_stays_so_when_more_is_recorded(tmp_path: Path) -> None:
     paths = [tmp_path / f"2026112{n // 10}-1200{n % 10:02d}-abcd" for n in range(40)]
+    for path in paths:
+        path.mkdir()
     held_out: set[Path] = set()
     for count in (10, 20, 40):
         lesson = Lesson.of(paths[:count], tmp_path)
@@ -50,7 +54,10 @@ def test_a_few_episodes_become_a_policy_and_a_report(
     assert (folder / "data" / "meta.json").stat().st_mtime_ns == data
     make_episode(tmp_path / "set", "e4", seed=4)
     assert main(words) == 0
-    assert len(list(out.iterdir())) == 2, "what was learned before stays"
+    DataSet.open(tmp_path / "set").relabel("e4", "put the blue blocks in a green bowl")
+    (tmp_path / "set" / "dataset.yaml").unlink()  # which is made again
+    assert main(words) == 0
+    assert len(list(out.iterdir())) == 3, "what was learned before stays"
 
 
 def test_it_says_when_it_was_stopped_and_goes_on(
@@ -58,16 +65,9 @@ def test_it_says_when_it_was_stopped_and_goes_on(
 ) -> None:
     make_episode(tmp_path / "set", "one")
     asked: list[list[str]] = []
-
-    def stopped(argv: list[str]) -> int:
-        asked.append(argv)
-        folder = Path(argv[argv.index("--out") + 1])
-        folder.mkdir(exist_ok=True)
-        card = {"made_by": {"steps_done": 50 * len(asked), "train": {"steps": 100}}}
-        (folder / "policy.json").write_text(json.dumps(card))
-        return 0
-
-    monkeypatch.setattr(learn.train, "main", stopped)
+    card = SimpleNamespace(made_by={"steps_done": 50, "train": {"steps": 100}})
+    monkeypatch.setattr(learn.train, "main", lambda argv: asked.append(argv))
+    monkeypatch.setattr(learn, "load_card", lambda _: card)
     words = [
         "--from-bags",
         str(tmp_path / "set"),
@@ -78,12 +78,26 @@ def test_it_says_when_it_was_stopped_and_goes_on(
         "--old",
         "data/old",
     ]
-    assert main(words) == 130
+    assert main([*words, "--train-options", "--steps 100"]) == 130
     assert "stopped before its end; the same command goes on" in capsys.readouterr().err
+    card.made_by["steps_done"] = 100
     assert main(words) == 0
     assert "no episode was held out: record 4 or more" in capsys.readouterr().out
-    assert asked[0] == asked[1] and "--init" not in asked[0]
-    assert asked[0][1].endswith("/data:0.6") and asked[0][-2:] == ["--data", "data/old:0.4"]
+    (folder,) = (tmp_path / "out").iterdir()
+    begun = ["--data", f"{folder}/data:0.6", "--data", "data/old:0.4", "--out", f"{folder}/training"]
+    assert asked == [[*begun, "--steps", "100"], begun]
+    assert main([*words, "--with-failed"]) == 0 and main([*words[:-2], "--init", "default"]) == 0
+    assert len(list((tmp_path / "out").iterdir())) == 3, "other ways are learned beside"
+
+
+def test_a_folder_that_cannot_be_written_to_is_one_line(
+    make_episode: MakeEpisode, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    make_episode(tmp_path / "set", "one")
+    (tmp_path / "out").write_text("a file")
+    assert main(["--from-bags", str(tmp_path / "set"), "--out", str(tmp_path / "out"), "--init", "none"]) == 1
+    error = capsys.readouterr().err
+    assert error.startswith("error: cannot write ") and error.count("\n") == 1
 
 
 def test_nothing_to_learn_from_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

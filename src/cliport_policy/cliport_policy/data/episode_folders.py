@@ -19,7 +19,7 @@ def episodes_in(folder: Path) -> list[Path]:
     Raises:
         DataError: if a data set is empty.
     """
-    if (folder / DATA_SET_FILE).is_file():
+    if (folder / DATA_SET_FILE).is_file() or (folder / EPISODES).is_dir():  # which it can be made again from
         names = sorted(info.name for info in DataSet.open(folder).episodes())
         if not names:
             raise DataError(f"data set {folder} holds no episode: record some first")
