@@ -35,6 +35,8 @@ def main(argv: list[str] | None = None) -> int:
     options = _parser().parse_args(own)
     try:
         rule = AccessRule.for_address(options.host, _token(options), options.name, options.ask_token)
+        if options.open and rule.token:
+            raise AccessError("--open would show the token to all users of this machine: open the page yourself")
         tls = _tls(options)
         root = _folder(options.data_sets)
         listener = bind(options.host, options.port)

@@ -26,7 +26,7 @@ from demo_tool.wording import outcome_words, phase_words
 from demo_tool.work import Job
 
 T = TypeVar("T")
-_CLOSE_TIMEOUT = 6.0  # for the end of a cancelled goal, which the executor may take 5 s for [s]
+_CLOSE_SPARE = 1.0  # beyond what a cancel may take [s]
 _CLOSED = "the station was closed"
 _NOT_FOUND_OUT = (Outcome.CANCELLED, Outcome.EXECUTION_FAILED)  # of a plan: nothing is known about the action
 EXPECTED_ERRORS = (StationError, EpisodesError, CoreError, OSError)
@@ -214,7 +214,7 @@ class ArmWork:
             self._cancel(_CLOSED)
             if self.activity is Activity.RECOVERING:
                 self._arm.stop(_CLOSED, self._on_stop_failure)
-        end = self._clock() + _CLOSE_TIMEOUT
+        end = self._clock() + self._config.cancel_timeout + _CLOSE_SPARE
         while self.activity is not Activity.NONE and self._clock() < end:
             time.sleep(0.01)
         if self.activity in (Activity.NONE, Activity.RECOVERING):

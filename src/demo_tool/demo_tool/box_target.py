@@ -70,7 +70,7 @@ def find_target(
     """
     points, pixels = _points_in(view, box, config, what)
     heights = points[:, 2]
-    top = _top_of(heights)
+    top = top_of(heights)
     lowest = top - config.finger_height
     if needs_object:
         _require_object(top, config, what)
@@ -87,7 +87,7 @@ def find_target(
     return BoxTarget(centroid, pixels, top, float(np.ptp(along)))
 
 
-def _top_of(heights: FloatArray) -> float:
+def top_of(heights: FloatArray) -> float:
     """Return the height of the top without the few points that may be noise above it [m]."""
     above = max(3, round(_NOISE_SHARE * len(heights)))
     return float(np.partition(heights, -above)[-above])
@@ -180,12 +180,17 @@ def to_pixels(view: LiveView, points: FloatArray) -> list[list[float]]:
 
 def table_point(view: LiveView, box: PixelBox, table_z: float) -> FloatArray:
     """Return the point (3,) of the table in the middle of a box [m, base frame]; the camera's own if it looks up."""
-    row, col = (box.top + box.bottom) // 2, (box.left + box.right) // 2
+    point = table_at(view, (box.top + box.bottom) // 2, (box.left + box.right) // 2, table_z)
+    return view.camera_in_base.translation if point is None else point
+
+
+def table_at(view: LiveView, row: int, col: int, table_z: float) -> FloatArray | None:
+    """Return the point (3,) of the table at a pixel [m, base frame]; None where the camera looks past it."""
     ray = view.camera_in_base.rotation @ view.camera.rays()[row, col].astype(np.float64)
     origin = view.camera_in_base.translation
     reach = (table_z - origin[2]) / ray[2] if abs(ray[2]) > 1e-9 else 0.0
-    point: FloatArray = origin + max(reach, 0.0) * ray
-    return point
+    point: FloatArray = origin + reach * ray
+    return point if reach > 0.0 else None
 
 
 def box_around(view: LiveView, pose: PlanarPose, edge: float, table_z: float) -> PixelBox | None:

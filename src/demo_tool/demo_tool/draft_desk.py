@@ -23,6 +23,7 @@ from demo_tool.box_target import (
 from demo_tool.draft import Draft, End, proposed_draft
 from demo_tool.errors import BoxError, NotNowError
 from demo_tool.live_view import LiveView
+from demo_tool.pointed_object import spot_at, thing_at
 from demo_tool.station_config import StationConfig
 
 _ENDS = ("pick", "place")
@@ -63,6 +64,23 @@ class DraftDesk:
             self.draft = self.draft.with_end(which, box, rotation)
             self.judge(view)
             return self._judged[which].pose is not None, self._judged[which].words
+
+    def point(self, which: str, row: int, col: int, rotation: int, view: LiveView) -> tuple[bool, str]:
+        """Draw an end around the thing at a pixel, as `draw` does; without a thing, around the table there.
+
+        rotation: of a place, and of what has no narrow side.
+
+        Raises:
+            BoxError: when an object is to be picked and nothing stands there, or the table is not seen there.
+        """
+        workspace, config = self._config.workspace, self._config.box
+        thing = thing_at(view, row, col, config)
+        if thing is None and self._needs_object(which):
+            raise BoxError("nothing stands there: click on a thing, or draw a box around it")
+        if thing is not None and which == "pick":
+            rotation = workspace.bin_of_yaw(thing.yaw)
+        box = thing.box if thing is not None else spot_at(view, row, col, config.table_z)
+        return self.draw(which, box, rotation, view)
 
     def clear(self) -> None:
         """Forget what is drawn."""
@@ -158,11 +176,14 @@ class DraftDesk:
         start, stop = judged["pick"].pose, judged["place"].pose
         return None if start is None or stop is None else sweep_yaw(start, stop)
 
+    def _needs_object(self, which: str) -> bool:
+        return which == "pick" and self.primitive is Primitive.PICK_PLACE
+
     def _judge(self, which: str, end: End, view: LiveView, yaw: float | None = None) -> JudgedEnd:
         """Judge an end on one picture; yaw: replaces the one that is drawn [rad]."""
         workspace, config = self._config.workspace, self._config.box
         yaw = workspace.yaw_of_bin(end.rotation) if yaw is None else yaw
-        needs_object = which == "pick" and self.primitive is Primitive.PICK_PLACE
+        needs_object = self._needs_object(which)
         target, words = None, ""
         shown: dict[str, Any] = {"box": _corners(end.box), "rotation": workspace.bin_of_yaw(yaw), **_NOTHING}
         if end.box.bottom > view.camera.height or end.box.right > view.camera.width:

@@ -7,16 +7,14 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
-from cliport_core.action import Primitive
 from cliport_episodes.edits import verdict_words
 from demo_tool.arguments import box_of, instruction_of, number_of, pixel_of, primitive_of, text_of, verdict_of
 from demo_tool.arm_work import ArmWork
 from demo_tool.camera_watch import BEFORE_REST, CameraWatch
 from demo_tool.draft_desk import DraftDesk, DrawnAction
-from demo_tool.errors import BoxError, CommandError, NotNowError
+from demo_tool.errors import CommandError, NotNowError
 from demo_tool.library import Library
 from demo_tool.live_view import LiveView
-from demo_tool.pointed_object import spot_at, thing_at
 from demo_tool.recording import Recorder
 from demo_tool.station_config import StationConfig
 from demo_tool.steps import setup_of
@@ -130,26 +128,17 @@ class PageCommands:
         box = box_of(arguments, view.camera)
         rotation = number_of(arguments, "rotation", 0, self._config.workspace.n_rotations - 1)
         self._forget_plan()
-        ok, words = self._desk.draw(which, box, rotation, view)
-        return {"ok": ok, "words": f"{which}: {words}" if ok else words}
+        return _drawn(which, *self._desk.draw(which, box, rotation, view))
 
     def _point(self, arguments: Arguments) -> Answer:
-        """Draw an end around the thing at a pixel; without a thing, around the table there."""
         view, which = self._fresh_view(), text_of(arguments, "end")
         if which not in ("pick", "place"):
             raise CommandError(f"'end' must be pick or place, got '{which[:20]}'")
         row, col = pixel_of(arguments, view.camera)
-        workspace, config = self._config.workspace, self._config.box
-        rotation = number_of(arguments, "rotation", 0, workspace.n_rotations - 1)
-        thing = thing_at(view, row, col, config)
-        if thing is None and which == "pick" and self._desk.primitive is Primitive.PICK_PLACE:
-            raise BoxError("nothing stands there: click on a thing, or draw a box around it")
-        if thing is not None and which == "pick":
-            rotation = workspace.bin_of_yaw(thing.yaw)
-        box = thing.box if thing is not None else spot_at(view, row, col, config.table_z)
+        rotation = number_of(arguments, "rotation", 0, self._config.workspace.n_rotations - 1)
+        drawn = self._desk.point(which, row, col, rotation, view)
         self._forget_plan()
-        ok, words = self._desk.draw(which, box, rotation, view)
-        return {"ok": ok, "words": f"{which}: {words}" if ok else words}
+        return _drawn(which, *drawn)
 
     def _clear(self, _: Arguments) -> Answer:
         self._forget_plan()
@@ -272,3 +261,7 @@ class PageCommands:
 
 def _answer(text: str) -> Answer:
     return {"words": text}
+
+
+def _drawn(which: str, ok: bool, words: str) -> Answer:
+    return {"ok": ok, "words": f"{which}: {words}" if ok else words}

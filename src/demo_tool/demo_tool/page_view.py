@@ -38,7 +38,7 @@ class PageView:
         self._clock = clock
 
     def values(self, holder: str | None, now_ns: int, policy_state: str, policy_words: str) -> dict[str, Any]:
-        """Return the interface View of static/protocol.d.ts, but for what the web server adds.
+        """Return the interface View of static/protocol.d.ts, but for what the station and the web server add.
 
         holder: holder of the arm, passed through; now_ns: ROS time [ns]; policy_state, policy_words: the policy
         server's state, and that with its message. The bulletin's lock is held by the caller.

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from cliport_core.pose import PlanarPose
 from cliport_episodes.demonstration import PixelBox
-from demo_tool.box_target import box_around
+from demo_tool.box_target import box_around, table_at, top_of
 from demo_tool.errors import BoxError
 from demo_tool.live_view import LiveView
 from demo_tool.station_config import BoxConfig
@@ -57,11 +57,9 @@ def thing_at(view: LiveView, row: int, col: int, config: BoxConfig) -> PointedTh
 
 def spot_at(view: LiveView, row: int, col: int, table_z: float) -> PixelBox:
     """Return a box around the table's point at a pixel. Raises BoxError where the table is not seen there."""
-    ray = view.camera_in_base.rotation @ view.camera.rays()[row, col].astype(np.float64)
-    origin = view.camera_in_base.translation
-    reach = (table_z - origin[2]) / ray[2] if ray[2] < -1e-9 else -1.0
-    x, y, _ = origin + reach * ray
-    box = box_around(view, PlanarPose(float(x), float(y), 0.0), _SPOT, table_z) if reach > 0.0 else None
+    point = table_at(view, row, col, table_z)
+    pose = None if point is None else PlanarPose(float(point[0]), float(point[1]), 0.0)
+    box = None if pose is None else box_around(view, pose, _SPOT, table_z)
     if box is None:
         raise BoxError("the table is not to be seen there: point at a place on it, or draw a box")
     return box
@@ -69,12 +67,12 @@ def spot_at(view: LiveView, row: int, col: int, table_z: float) -> PixelBox:
 
 def _nearest(raised: npt.NDArray[np.bool_], row: int, col: int) -> tuple[int, int] | None:
     """Return the raised pixel nearest to (row, col), None where none is so near that it can be meant."""
-    found = np.argwhere(raised)
+    first = np.maximum([row - _SLACK, col - _SLACK], 0)
+    found = np.argwhere(raised[first[0] : row + _SLACK + 1, first[1] : col + _SLACK + 1]) + first
     if not len(found):
         return None
-    distances = np.abs(found - [row, col]).max(axis=1)
-    nearest = int(np.argmin(distances))
-    return (int(found[nearest, 0]), int(found[nearest, 1])) if distances[nearest] <= _SLACK else None
+    nearest = found[np.argmin(np.abs(found - [row, col]).max(axis=1))]
+    return int(nearest[0]), int(nearest[1])
 
 
 def _surface(depth: npt.NDArray[np.float32], seed: tuple[int, int]) -> npt.NDArray[np.bool_]:
@@ -87,6 +85,6 @@ def _surface(depth: npt.NDArray[np.float32], seed: tuple[int, int]) -> npt.NDArr
 
 def _narrow_yaw(points: npt.NDArray[np.float64], finger_height: float) -> float:
     """Return the direction of the narrow side of the upper part of points (N, 3), seen from above [rad, 0 to pi]."""
-    upper = points[points[:, 2] > np.quantile(points[:, 2], 0.98) - finger_height]
+    upper = points[points[:, 2] > top_of(points[:, 2]) - finger_height]
     _, (width, height), degrees = cv2.minAreaRect((1000.0 * upper[:, :2]).astype(np.float32))
     return float(np.deg2rad(degrees if width <= height else degrees + 90.0) % np.pi)

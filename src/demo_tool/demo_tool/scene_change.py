@@ -12,9 +12,10 @@ from demo_tool.recording import Recorder
 
 
 class SceneChange:
-    """Command `new_scene`; on_change: told the sentence that is asked for in the new scene.
+    """Command `new_scene`. What is drawn on the old scene is forgotten at once, so that nothing moves in between.
 
-    scenes: of the simulator; None: there is none.
+    scenes: of the simulator; None: there is none. on_change: told the sentence that is asked for in the new scene, and
+    before, while it is being made, an empty one.
     """
 
     def __init__(
@@ -33,6 +34,8 @@ class SceneChange:
             raise NotNowError("no simulator is here that could make another scene")
         if self._recorder.episode is not None and self._recorder.episode["steps"]:
             raise NotNowError("an episode is being recorded: end or discard it before a new scene")
+        with self._bulletin.lock:
+            self._on_change("")
         self._scenes.change(self._on_answer)
         return {"words": "the simulator is making another scene"}
 

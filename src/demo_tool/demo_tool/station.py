@@ -79,6 +79,8 @@ class Station:
             clock=clock,
         )
         self._scene = SceneChange(scenes, self._recorder, self._bulletin, self._on_new_scene)
+        self._when_idle = {**self._page.when_idle, **self._scene.commands}
+        self._when_saved = self._page.when_saved | self._scene.commands.keys()
         self._page_view = PageView(
             config, self._bulletin, self._watch, self._desk, self._work, self._recorder, self._page, clock
         )
@@ -194,15 +196,13 @@ class Station:
         Raises:
             StationError: with one line for a person, when the command is refused; it has no effect then.
         """
-        page = self._page
-        when_idle = {**page.when_idle, **self._scene.commands}
-        known = {**page.always, **when_idle, **self._library.commands}
+        known = {**self._page.always, **self._when_idle, **self._library.commands}
         try:
             if name not in known:
                 raise UnknownCommandError(name, known)
-            if name in when_idle:
+            if name in self._when_idle:
                 self._work.refuse_when_busy()
-            if name in page.when_saved or name in self._scene.commands:
+            if name in self._when_saved:
                 self._work.refuse_when_unsaved()
             answer = known[name](arguments)
         except EXPECTED_ERRORS as error:
@@ -240,7 +240,7 @@ class Station:
         self._home.forget()
 
     def _on_new_scene(self, instruction: str) -> None:
-        self._page.instruction = instruction
+        self._page.instruction = instruction or self._page.instruction
         self._on_recorded()
         self._on_rest()
 

@@ -102,6 +102,11 @@ def test_the_address_that_is_printed_can_be_opened(host: str, tls: bool, address
     assert app._address(host, 8080, rule, tls) == address
 
 
+def test_the_token_is_not_shown_on_a_browsers_command_line(capsys: pytest.CaptureFixture[str]) -> None:
+    assert app.main(["--open", "--ask-token", "--port", "0"]) == 1
+    assert capsys.readouterr().err.startswith("error: --open would show the token to all users of this machine")
+
+
 def test_the_options_defaults() -> None:
     assert vars(app._parser().parse_args([])) == {
         "host": "127.0.0.1",
