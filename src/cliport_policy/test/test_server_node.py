@@ -82,6 +82,8 @@ class Graph:
         self.camera_on = self.alive = True
         self.hold = threading.Event()  # set: motions take until they are cancelled
         self.cancelled = threading.Event()
+        self.plan_id = ""  # of a plan that waits for its approval, where the executor asks for one
+        self.approved: list[str] = []
         self.stops = self.running = 0
         group = ReentrantCallbackGroup()
         self.instruction = self.person.create_publisher(String, "/cliport/instruction", 10)
@@ -95,6 +97,7 @@ class Graph:
             self.person.create_subscription(Image, f"/cliport/affordance/{name}", keep, 2)
         self.person.create_service(Trigger, "/panda_executor/stop", self._on_stop, callback_group=group)
         self.person.create_service(Trigger, "/panda_executor/resume", self._on_resume, callback_group=group)
+        self.person.create_service(ApprovePlan, "/panda_executor/approve", self._on_approve, callback_group=group)
         self.services = {
             name: self.person.create_client(Trigger, f"/cliport/{name}", callback_group=group)
             for name in ("stop", "resume")
@@ -123,6 +126,11 @@ class Graph:
         response.success = True
         return response
 
+    def _on_approve(self, request: ApprovePlan.Request, response: ApprovePlan.Response) -> ApprovePlan.Response:
+        self.approved.append(request.plan_id)
+        response.success = True
+        return response
+
     def _beat(self) -> None:
         if self.alive:
             self.heartbeat.publish(Empty())
@@ -143,8 +151,15 @@ class Graph:
     def _move(self, handle: Any) -> PickPlace.Result:
         self.goals.append(handle.request)
         time.sleep(0.2)  # a client drops feedback that overtakes the acceptance of its goal
-        handle.publish_feedback(PickPlace.Feedback(phase=2, phase_name="GO_ABOVE_PICK"))
         end = time.monotonic() + 60.0
+        if self.plan_id:
+            waits = PickPlace.Feedback(
+                phase=PickPlace.Feedback.PHASE_APPROVAL, phase_name="APPROVAL", plan_id=self.plan_id
+            )
+            handle.publish_feedback(waits)
+            while not self.approved and time.monotonic() < end:
+                time.sleep(0.02)
+        handle.publish_feedback(PickPlace.Feedback(phase=2, phase_name="GO_ABOVE_PICK", plan_id=self.plan_id))
         while self.hold.is_set() and time.monotonic() < end:
             if handle.is_cancel_requested:
                 handle.canceled()
@@ -266,6 +281,18 @@ def test_approval_is_waited_for(graph: Callable[..., Graph]) -> None:
     assert not world.approve("").success and not world.goals
     assert world.approve().success
     assert world.reaches(PolicyStatus.STATE_DONE)
+
+
+def test_a_plan_that_waits_at_the_executor_is_approved_by_its_id(graph: Callable[..., Graph]) -> None:
+    world = graph(steps=1)
+    world.plan_id = "1a2b3c4d"
+    world.say("put the red blocks in the green bowl")
+    assert world.until(lambda: bool(world.statuses) and world.statuses[-1].proposal_id == "1a2b3c4d")
+    assert world.statuses[-1].state == PolicyStatus.STATE_EXECUTING
+    assert not world.approve("").success and not world.approved
+    assert world.approve().success
+    assert world.reaches(PolicyStatus.STATE_DONE)
+    assert world.approved == ["1a2b3c4d"] and world.statuses[-1].proposal_id == ""
 
 
 def test_faults_end_in_one_line(graph: Callable[..., Graph]) -> None:

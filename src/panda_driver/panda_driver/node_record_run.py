@@ -5,9 +5,6 @@ Somebody with an arm sends both when something went wrong. It listens only, and 
 
 from __future__ import annotations
 
-import shutil
-import signal
-import subprocess
 import sys
 from collections.abc import Callable
 from datetime import datetime
@@ -27,6 +24,7 @@ from cliport_core.command_line import CommandParser
 from cliport_core.errors import CoreError
 from cliport_core.ros_running import run_node
 from panda_driver.errors import DriverError
+from panda_driver.run_bag import RunBag
 from panda_driver.run_log import RunLog
 from panda_model import ArmModel, load_preset
 
@@ -44,7 +42,6 @@ RECORDED = (
     topics.PLACE_POSE,
     "/rosout",
 )
-_BAG_ENDS = 10.0  # a recorder gets to close its bag [s]
 
 
 class RunRecorder(Node):
@@ -69,7 +66,7 @@ class RunRecorder(Node):
 
     def close(self) -> None:
         """Write what is still running."""
-        self._log.close(self._now())
+        self._guarded(partial(self._log.close, self._now()))
 
     def _now(self) -> float:
         return float(self.get_clock().now().nanoseconds * 1e-9)
@@ -111,7 +108,7 @@ def main(args: list[str] | None = None) -> int:
     except (CoreError, DriverError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 1
-    bag = None if options.no_bag else _start_bag(folder / "bag")
+    bag = None if options.no_bag else RunBag(folder / "bag", RECORDED)
     try:
         return run_node(
             lambda fail: RunRecorder(robot, folder / "motions.jsonl", fail),
@@ -120,9 +117,7 @@ def main(args: list[str] | None = None) -> int:
             RunRecorder.close,
         )
     finally:
-        if bag is not None:
-            _end_bag(bag)
-        print(f"{folder}: motions.jsonl" + ("" if bag is None else " and bag"))
+        print(f"{folder}: motions.jsonl" + ("" if bag is None else f" and {bag.end()}"))
 
 
 def _parser() -> CommandParser:
@@ -143,24 +138,6 @@ def _new_folder(folder: Path) -> Path:
     except OSError as error:
         raise DriverError(f"cannot make {folder} ({error.strerror}): choose another --out") from None
     return folder
-
-
-def _start_bag(path: Path) -> subprocess.Popen[bytes] | None:
-    """Start `ros2 bag record` in a process group of its own, so that Ctrl-C reaches it through here only."""
-    command = shutil.which("ros2")
-    if command is None:
-        print("no bag is recorded: there is no ros2 command here", file=sys.stderr)
-        return None
-    return subprocess.Popen([command, "bag", "record", "-o", str(path), "--topics", *RECORDED], start_new_session=True)
-
-
-def _end_bag(bag: subprocess.Popen[bytes]) -> None:
-    bag.send_signal(signal.SIGINT)
-    try:
-        bag.wait(_BAG_ENDS)
-    except subprocess.TimeoutExpired:
-        bag.kill()
-        bag.wait()
 
 
 if __name__ == "__main__":

@@ -32,7 +32,7 @@ class Sample:
 
 
 @dataclass(eq=False)
-class Motion:
+class RunningMotion:
     """A goal of the arm ("arm") or the hand ("hand") that is running; began: ROS time [s]."""
 
     goal: str
@@ -69,7 +69,7 @@ class RunLog:
 
     def __init__(self, path: Path, head: Mapping[str, Any], say: Callable[[str], None]) -> None:
         self._path, self._say = path, say
-        self._running: dict[str, Motion] = {}
+        self._running: dict[str, RunningMotion] = {}
         self._ended: set[str] = set()
         self._efforts: tuple[float, ...] = ()
         try:
@@ -94,7 +94,7 @@ class RunLog:
         """Take a moment of a motion at ROS time `now` [s]; effort: of the hand; the arm's come by `on_efforts`."""
         if goal in self._ended:
             return
-        motion = self._running.setdefault(goal, Motion(goal, part, now))
+        motion = self._running.setdefault(goal, RunningMotion(goal, part, now))
         if len(motion.samples) < _MOST_SAMPLES:
             given = self._efforts if part == "arm" else tuple(effort)
             motion.samples.append(Sample(now - motion.began, tuple(desired), tuple(measured), given))
@@ -104,7 +104,7 @@ class RunLog:
         if goal in self._ended:
             return
         if status not in ENDS:
-            self._running.setdefault(goal, Motion(goal, part, now))
+            self._running.setdefault(goal, RunningMotion(goal, part, now))
             return
         motion = self._running.pop(goal, None)
         self._ended.add(goal)
@@ -113,11 +113,10 @@ class RunLog:
 
     def close(self, now: float) -> None:
         """Write what is still running, as `unfinished`."""
-        for motion in self._running.values():
-            self._write(motion, now, "unfinished")
-        self._running.clear()
+        while self._running:
+            self._write(self._running.popitem()[1], now, "unfinished")
 
-    def _write(self, motion: Motion, now: float, end: str) -> None:
+    def _write(self, motion: RunningMotion, now: float, end: str) -> None:
         values = motion.ended(now, end)
         try:
             with self._path.open("a", encoding="utf-8") as file:

@@ -23,6 +23,7 @@ from sensor_msgs.msg import JointState
 
 from panda_driver.errors import DriverError
 from panda_driver.node_record_run import RunRecorder, main
+from panda_driver.run_bag import RunBag
 from panda_driver.run_log import RunLog
 from panda_model import load_preset
 
@@ -106,6 +107,51 @@ def test_nothing_is_written_over(tmp_path: Path, capsys: pytest.CaptureFixture[s
     assert main(["--arm", "pr2", "--out", str(tmp_path / "other")]) == 1
     assert "unknown robot 'pr2'" in capsys.readouterr().err and not (tmp_path / "other").exists()
     assert (tmp_path / "run/motions.jsonl").read_text() == "kept"
+
+
+def test_a_disk_that_refuses_is_one_error_and_no_traceback_at_the_end(
+    log: RunLog, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(_: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("panda_driver.run_log.os.fsync", full)
+    log.on_status("a", "arm", 1.0, EXECUTING)
+    failures: list[BaseException] = []
+    recorder = RunRecorder.__new__(RunRecorder)
+    recorder._log, recorder._fail, recorder._now = log, failures.append, lambda: 2.0  # type: ignore[method-assign]
+    recorder.close()
+    assert [str(failure) for failure in failures] == [
+        f"cannot write {tmp_path / 'motions.jsonl'} (No space left on device)"
+    ]
+
+
+@pytest.mark.parametrize(
+    ("ends", "words"),
+    [
+        ("trap 'exit 0' INT", "a bag"),
+        ("trap 'exit 3' INT", "no whole bag: its recorder ended with status 3"),
+        ("trap '' INT", "a bag that was not closed within 1 s and may be torn"),
+    ],
+)
+def test_a_bag_is_recorded_beside_and_closed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ends: str, words: str
+) -> None:
+    ros2 = tmp_path / "ros2"
+    ros2.write_text(f'#!/bin/sh\n{ends}\necho "$@" > {tmp_path}/asked\nwhile true; do sleep 0.05; done\n')
+    ros2.chmod(0o755)
+    monkeypatch.setenv("PATH", str(tmp_path), prepend=":")
+    bag = RunBag(tmp_path / "bag", ["/a", "/b"], ends=1.0 if "''" in ends else 30.0)
+    deadline = time.monotonic() + 30.0
+    while not (tmp_path / "asked").exists() and time.monotonic() < deadline:
+        time.sleep(0.01)
+    assert bag.end() == words
+    assert (tmp_path / "asked").read_text() == f"bag record -o {tmp_path}/bag --topics /a /b\n"
+
+
+def test_without_ros2_no_bag_is_recorded_and_that_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PATH", str(tmp_path))
+    assert RunBag(tmp_path / "bag", ["/a"]).end() == "no bag, because there is no ros2 command here"
 
 
 @pytest.fixture

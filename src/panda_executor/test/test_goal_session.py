@@ -15,6 +15,7 @@ from cliport_core.messages import goal_to_msg, result_from_msg
 from cliport_core.outcome import ActionResult, Outcome, Refusal
 from cliport_core.pose import PlanarPose, Pose
 from cliport_core.workspace import WorkspaceSpec
+from cliport_interfaces.action import PickPlace
 from panda_executor.approvals import Approvals
 from panda_executor.arm_watch import ArmWatch
 from panda_executor.camera_place import CameraPlace
@@ -56,13 +57,13 @@ class Handle:
 class Session:
     """A session at a time that the test sets; `act` is what the runner does, given should_stop."""
 
-    def __init__(self) -> None:
+    def __init__(self, auto_approve: bool = True) -> None:
         self.now, self.gate, self.clouds = 10.0, Gate(), CloudCache()
         self.act: Callable[[Callable[[], bool]], Outcome] = lambda should_stop: Outcome.SUCCEEDED
         parameters = NodeParameters(
             load_preset("panda"), "", ExecutorConfig(), WorkspaceSpec(),
             max_cloud_age=2.0, max_joint_age=0.5, cloud_behind=0.0, cloud_wait=0.0, max_ahead=0.25,
-            auto_approve=True, approval_time=30.0, require_owner=True, self_clearance=0.03, watch=ArmWatch(),
+            auto_approve=auto_approve, approval_time=30.0, require_owner=True, self_clearance=0.03, watch=ArmWatch(),
             owner_silence=0.3, work_silence=0.25,
         )  # fmt: skip
         camera = CameraPlace("panda_link0")
@@ -79,7 +80,7 @@ class Session:
     ) -> ActionResult:
         """The runner."""
         cloud()
-        approve([])
+        self.waited = approve([])
         self.on_phase, self.look = on_phase, look
         return ActionResult(self.act(should_stop), "the runner's words")
 
@@ -126,6 +127,22 @@ def test_a_plan_that_needs_no_approval_takes_none(session: Session) -> None:
     session.act = approve
     session.see(10.0)
     assert session.ask()[0].outcome is Outcome.SUCCEEDED
+
+
+@pytest.mark.parametrize("plan_only", [False, True])
+def test_a_plan_waits_for_its_approval_unless_nothing_is_to_move(plan_only: bool) -> None:
+    session, handle, asked = Session(auto_approve=False), Handle(), []
+
+    def hear(feedback: PickPlace.Feedback) -> None:
+        if feedback.phase == PickPlace.Feedback.PHASE_APPROVAL:
+            asked.append(session.approvals.approve(feedback.plan_id))
+
+    handle.publish_feedback = hear  # type: ignore[method-assign]
+    handle.request.plan_only = plan_only
+    session.see(10.0)
+    assert session.ask(handle)[0].outcome is Outcome.SUCCEEDED
+    assert session.waited is not plan_only
+    assert [ok for ok, _ in asked] == ([] if plan_only else [True])
 
 
 def test_only_a_cloud_from_after_the_departure_is_looked_at(session: Session) -> None:
