@@ -22,6 +22,13 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: object) -> FilesToge
     return FilesTogether(config, log)
 
 
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Say why a test was tried again, in a line each."""
+    for report in terminalreporter.getreports("rerun"):
+        words = getattr(getattr(report.longrepr, "reprcrash", None), "message", report.longrepr)
+        terminalreporter.write_line(f"tried again: {report.nodeid}: {str(words).splitlines()[0]}")
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Begin with the tests across packages, which take longest; try again once what leans on other processes.
 

@@ -63,18 +63,20 @@ class Person(BrowserUser):
         super().sees(state, timeout)
 
     def open_data_set(self, name: str) -> None:
-        self.sees("ready")  # a new one is made when there is a picture
+        """Open a data set on a page that has none."""
+        self.is_free()
         self.page.locator("#data-set").fill(name)
         self.page.locator("#data-set-card button").click()
         expect(self.page.locator("#where")).to_contain_text(name)
 
     def change_data_set(self, name: str) -> None:
         """Another than the one that is open, on a page whose arm is held by nobody, or by a page that is gone."""
-        self.sees("ready")
+        self.is_free()
         if self.page.locator("#watching").is_visible():
             self.page.locator("#take-over").click()
-        self.page.locator("#tab-episodes").click()
-        self.page.locator("#data-set-other").click()
+        if self.page.locator("#data-set").is_hidden():
+            self.page.locator("#tab-episodes").click()
+            self.page.locator("#data-set-other").click()
         self.open_data_set(name)
 
     def say(self, sentence: str) -> None:
@@ -84,7 +86,7 @@ class Person(BrowserUser):
 
     def is_free(self) -> None:
         """Wait until nothing is under way, whether it was well or badly that the last thing ended."""
-        self.page.locator("#state:is([data-state=ready], [data-state=failed])").wait_for(timeout=60_000)
+        self.page.locator("#state:is([data-state=ready], [data-state=failed])").wait_for(timeout=120_000)
 
     def picture(self) -> NDArray[np.uint8]:
         """Return the picture of the live view, (H, W, 3) RGB."""
@@ -103,8 +105,7 @@ class Person(BrowserUser):
             loose = [block for block in blocks if not any(inside(block, bowl) for bowl in bowls)]
             empty = [bowl for bowl in bowls if not any(inside(block, bowl) for block in blocks)]
             assert loose, "nothing is left to be picked, but the page did not call the step done"
-            self.step(loose[0], empty[0], picture.shape, margins=(4, 0))
-            if self.has_succeeded():
+            if self.step(loose[0], empty[0], picture.shape, margins=(4, 0)):
                 return
 
     def sweep_or_fold(self, primitive: str) -> None:
@@ -115,22 +116,13 @@ class Person(BrowserUser):
         for attempt in range(_ATTEMPTS):
             picture = self.picture()
             start, end = eyes.sweep(picture) if primitive == "sweep" else eyes.fold(picture, attempt)
-            if not self.draw_and_preview(start, end, picture.shape, margins=(0, 0)):
-                continue
-            self.act()
-            if self.has_succeeded():
+            if self.draw_and_preview(start, end, picture.shape, margins=(0, 0)) and self.act():
                 return
 
-    def has_succeeded(self) -> bool:
-        """Whether the page says so of the last step."""
-        said = self.page.locator("#steps li").last.text_content() or ""
-        print(said, flush=True)
-        return said.endswith("succeeded")
-
-    def step(self, start: Blob, end: Blob, shape: tuple[int, ...], margins: tuple[float, float]) -> None:
-        """Draw both boxes, turn the fingers until the arm can do it, and let it."""
+    def step(self, start: Blob, end: Blob, shape: tuple[int, ...], margins: tuple[float, float]) -> bool:
+        """Draw both boxes, turn the fingers until the arm can do it, and let it; whether it succeeds."""
         assert self.draw_and_preview(start, end, shape, margins), self.page.locator("#answer").text_content()
-        self.act()
+        return self.act()
 
     def draw_and_preview(self, start: Blob, end: Blob, shape: tuple[int, ...], margins: tuple[float, float]) -> bool:
         """Draw both boxes, turn the fingers along either side of the thing; whether the arm can do it."""
@@ -138,8 +130,8 @@ class Person(BrowserUser):
         self._until(lambda: self.draws("place", end, shape, margins[1]))
         return any(self.can(start, shape, start.angle + turn) for turn in 2 * (0.0, math.pi / 2))
 
-    def act(self) -> None:
-        """Let the arm do what was drawn, to its end."""
+    def act(self) -> bool:
+        """Let the arm do what was drawn, to its end; whether the page says of a new step that it succeeded."""
         before = self.steps()
         self.remember("previewed")
         self._until(self.executes)
@@ -147,8 +139,10 @@ class Person(BrowserUser):
             self.page.locator("#progress:not([hidden])").wait_for()
             time.sleep(2.0)
             self.remember("executing")
-        expect(self.page.locator("#steps li")).to_have_count(before + 1, timeout=120_000)
         self.is_free()
+        said = self.page.locator("#steps li").last if self.steps() > before else self.page.locator("#state-words")
+        print(words := said.text_content() or "", flush=True)
+        return self.steps() > before and words.endswith("succeeded")
 
     def can(self, blob: Blob, shape: tuple[int, ...], angle: float) -> bool:
         """Turn the fingers, and ask whether the arm can do what is drawn."""
@@ -180,6 +174,7 @@ class Person(BrowserUser):
         self.page.mouse.click(x + 60 * math.cos(angle), y + 60 * math.sin(angle))
 
     def end_episode(self, success: bool) -> None:
+        self.is_free()  # then there is a picture of the finished scene, which is recorded, too
         self.page.locator("#success" if success else "#failure").click()
         self.page.locator("#next-episode").click()
         expect(self.page.locator("#steps li")).to_have_count(0)
@@ -287,11 +282,10 @@ def sweep_or_fold(person: Person, client: GraphClient, primitive: str, seed: int
     return before, after
 
 
-def go_on(person: Person) -> None:
+def go_on(person: Person, data_set: str = DATA_SET) -> None:
     """Do as somebody whose page has lost its server: load it again, open the same data set."""
     person.page.reload()
-    person.sees("ready")
-    person.open_data_set(DATA_SET)
+    person.open_data_set(data_set)
     person.say(SENTENCE)
 
 

@@ -189,11 +189,11 @@ def test_every_trajectory_sent_is_valid_when_checked_again(running: Running, pro
 def test_killing_the_executor_stops_the_arm_and_is_said(tmp_path: Path) -> None:
     """In a graph of its own, watched with the times of hardware: the simulator's are longer than a motion."""
     with graph_in(tmp_path, params=str(with_hardware_times(tmp_path, patient=True))) as (graph, probe, log):
-        sentence = probe.reset(TASK, "test", 3)
+        sentence, executor = probe.reset(TASK, "test", 3), graph.pid_of("executor")
         time.sleep(0.5)
         probe.instruct(sentence)
         probe.wait_moving(60.0)
-        os.kill(graph.pid_of("executor"), signal.SIGKILL)
+        os.kill(executor, signal.SIGKILL)
         _holds_on_the_way(probe, log, 0)
         status = probe.wait_status(lambda s: s.state == FAILED, 30.0)
         assert "executor" in status.message and "\n" not in status.message

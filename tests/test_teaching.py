@@ -22,7 +22,7 @@ pytestmark = [
 
 @pytest.fixture(scope="module")
 def place(tmp_path_factory: pytest.TempPathFactory) -> Iterator[teaching.Workplace]:
-    with teaching.workplace(tmp_path_factory.mktemp("teaching"), next_domain(), speed=2.0) as made:
+    with teaching.workplace(tmp_path_factory.mktemp("teaching"), next_domain(), speed=1.0) as made:
         yield made
 
 
@@ -34,19 +34,20 @@ def person(place: teaching.Workplace) -> Iterator[teaching.Person]:
 
 
 def test_a_demonstration_survives_a_killed_server(place: teaching.Workplace, person: teaching.Person) -> None:
-    person.open_data_set(teaching.DATA_SET)
+    name = teaching.DATA_SET + place.sets.exists() * "-again"
+    person.change_data_set(name)
     teaching.lay_out(person, place.client, seed=3000)
     person.say(teaching.SENTENCE)
     person.pick_and_place()
     place.kill_and_restart()
-    teaching.go_on(person)
+    teaching.go_on(person, name)
     expect(person.page.locator("#steps li")).not_to_have_count(0)
     person.pick_and_place()
     score = place.client.score()
     person.end_episode(success=True)
     assert not person.faults
     assert score == 1.0
-    folder = place.sets / teaching.DATA_SET
+    folder = place.sets / name
     (outcomes,) = teaching.outcomes(folder)
     assert outcomes.count(teaching.SUCCEEDED) == 2 and outcomes[-1] == teaching.SUCCEEDED
     (episode,) = DataSet.open(folder).episodes()
