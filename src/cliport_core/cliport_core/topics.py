@@ -29,6 +29,7 @@ POSES = {"pick": PICK_POSE, "place": PLACE_POSE}
 AFFORDANCES = {kind: f"/cliport/affordance/{kind}" for kind in KINDS}
 RAW_AFFORDANCES = {kind: f"{AFFORDANCES[kind]}/raw" for kind in KINDS}
 APPROVE = "/cliport/approve"
+LOAD_POLICY = "/cliport/load_policy"
 STOP = "/cliport/stop"
 RESUME = "/cliport/resume"
 POLICY_NODE = "cliport_policy"

@@ -23,13 +23,14 @@ from cliport_core.ros_running import run_node
 from cliport_core.ros_spin_queue import SpinQueue
 from cliport_interfaces.msg import Heightmap as HeightmapMsg
 from cliport_interfaces.msg import PolicyStatus
-from cliport_interfaces.srv import ApprovePlan
+from cliport_interfaces.srv import ApprovePlan, LoadPolicy
 from cliport_policy.errors import PolicyError
-from cliport_policy.policy import load_policy
+from cliport_policy.policy import Policy, load_policy
 from cliport_policy.server.executor_link import ExecutorLink
 from cliport_policy.server.inference_worker import InferenceAnswer, InferenceWorker
 from cliport_policy.server.logic import PolicyServer
 from cliport_policy.server.types import Answer, Moment, ServerConfig
+from cliport_policy.server.wording import one_line
 from cliport_policy.views import ProposalViews
 from panda_model.ros_parameters import declare_base_frame, declare_robot
 
@@ -49,7 +50,8 @@ class PolicyServerNode(Node):
         base_frame = declare_base_frame(self, declare_robot(self))
         settings = {f.name: self.declare_parameter(f.name, f.default).value for f in fields(ServerConfig)}
         self._config = ServerConfig(**settings)
-        self._policy = load_policy(checkpoint, compiled=bool(self.declare_parameter("compile", False).value))
+        self._compiled = bool(self.declare_parameter("compile", False).value)
+        self._policy = load_policy(checkpoint, compiled=self._compiled)
         self._queue = SpinQueue(self)
         self._worker = InferenceWorker(self._policy, self._hand_over)
         self._worker.warm_up()
@@ -59,7 +61,7 @@ class PolicyServerNode(Node):
         self._status = self.create_publisher(PolicyStatus, topics.STATUS, latched)
         self._views = ProposalViews(self, base_frame)
         self._executor_link = ExecutorLink(self, base_frame, self._now)
-        self._server = PolicyServer(self._config, self, self._policy.check_instruction, self._executor_link)
+        self._server = PolicyServer(self._config, self, self._check_instruction, self._executor_link)
         self._executor_link.attach(self._server)
         self.create_subscription(String, topics.INSTRUCTION, self._on_instruction, 10)
         self.create_subscription(HeightmapMsg, topics.HEIGHTMAP, self._on_heightmap, 2)
@@ -70,6 +72,7 @@ class PolicyServerNode(Node):
         for name, act in services.items():
             self.create_service(Trigger, name, partial(_answer, act))
         self.create_service(ApprovePlan, topics.APPROVE, self._on_approve)
+        self.create_service(LoadPolicy, topics.LOAD_POLICY, self._on_load)
         # wall time: nothing may hang when simulated time stands still
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(TICK_S, self._tick, clock=steady)
@@ -93,6 +96,32 @@ class PolicyServerNode(Node):
     def _on_approve(self, request: ApprovePlan.Request, response: ApprovePlan.Response) -> ApprovePlan.Response:
         response.success, response.message = self._server.approve(str(request.plan_id), self._now())
         return response
+
+    def _check_instruction(self, instruction: str) -> None:
+        self._policy.check_instruction(instruction)
+
+    def _on_load(self, request: LoadPolicy.Request, response: LoadPolicy.Response) -> LoadPolicy.Response:
+        checkpoint = str(request.checkpoint)
+        response.success, response.message = self._server.hold(f"loading the policy {checkpoint}")
+        if response.success:
+            self._worker.run(partial(self._load, checkpoint))
+        return response
+
+    def _load(self, checkpoint: str) -> None:
+        """Load a policy, in the worker's thread."""
+        try:
+            policy = load_policy(checkpoint, compiled=self._compiled)
+            policy.warm_up()
+        except Exception as error:  # whatever it is, the server must not wait for ever
+            words = str(error) if isinstance(error, PolicyError) else f"{type(error).__name__}: {error}"
+            self._queue.post(partial(self._server.release, one_line(f"{words}; the present policy stays")))
+            return
+        self._queue.post(partial(self._take, checkpoint, policy))
+
+    def _take(self, checkpoint: str, policy: Policy) -> None:
+        self._policy = policy
+        self._worker.use(policy)
+        self._server.release(f"the policy {checkpoint} is loaded")
 
     def _on_heightmap(self, message: HeightmapMsg) -> None:
         self._server.on_observation(stamp_from_msg(message.header.stamp), message, self._now())

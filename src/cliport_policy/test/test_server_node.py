@@ -32,7 +32,7 @@ from cliport_core.workspace import WorkspaceSpec
 from cliport_interfaces.action import PickPlace
 from cliport_interfaces.msg import Heightmap as HeightmapMsg
 from cliport_interfaces.msg import PolicyStatus
-from cliport_interfaces.srv import ApprovePlan
+from cliport_interfaces.srv import ApprovePlan, LoadPolicy
 from cliport_policy import node as node_module
 from cliport_policy.errors import CheckpointError, InstructionError
 from cliport_policy.inference import AffordanceMaps, Inference
@@ -103,6 +103,7 @@ class Graph:
             for name in ("stop", "resume")
         }
         self.approval = self.person.create_client(ApprovePlan, "/cliport/approve", callback_group=group)
+        self.loading = self.person.create_client(LoadPolicy, "/cliport/load_policy", callback_group=group)
         self.action = ThreadedActionServer(
             self.person, PickPlace, "/panda_executor/pick_place", self._execute,
             cancel_callback=lambda _: CancelResponse.ACCEPT, callback_group=group,
@@ -184,6 +185,12 @@ class Graph:
         assert self.approval.wait_for_service(5.0)
         named = self.statuses[-1].proposal_id if proposal_id is None else proposal_id
         future = self.approval.call_async(ApprovePlan.Request(plan_id=named))
+        assert self.until(future.done)
+        return future.result()
+
+    def load(self, checkpoint: str) -> LoadPolicy.Response:
+        assert self.loading.wait_for_service(5.0)
+        future = self.loading.call_async(LoadPolicy.Request(checkpoint=checkpoint))
         assert self.until(future.done)
         return future.result()
 
@@ -293,6 +300,34 @@ def test_a_plan_that_waits_at_the_executor_is_approved_by_its_id(graph: Callable
     assert world.approve().success
     assert world.reaches(PolicyStatus.STATE_DONE)
     assert world.approved == ["1a2b3c4d"] and world.statuses[-1].proposal_id == ""
+
+
+def test_another_policy_is_loaded_while_nothing_goes_on(
+    graph: Callable[..., Graph], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    world = graph(steps=0)
+    world.hold.set()
+
+    def load(name: str, compiled: bool) -> FakePolicy:
+        if name == "mine":
+            return FakePolicy(steps=1)
+        raise CheckpointError(f"there is no checkpoint\n{name}") if name == "absent" else MemoryError("none left")
+
+    monkeypatch.setattr(node_module, "load_policy", load)
+    for name, words in (("absent", "there is no checkpoint absent"), ("large", "MemoryError: none left")):
+        assert world.load(name).success
+        assert world.until(lambda said=words: world.statuses[-1].message == f"{said}; the present policy stays")
+    world.say("move a block")
+    assert world.reaches(PolicyStatus.STATE_DONE) and not world.goals
+    answer = world.load("mine")
+    assert (answer.success, answer.message) == (True, "loading the policy mine")
+    assert world.until(lambda: world.statuses[-1].message == "the policy mine is loaded")
+    world.say("move a block")
+    assert world.until(lambda: bool(world.goals))
+    answer = world.load("mine")
+    assert (answer.success, answer.message) == (False, "the server is EXECUTING: end that first")
+    world.hold.clear()
+    assert world.reaches(PolicyStatus.STATE_DONE)
 
 
 def test_faults_end_in_one_line(graph: Callable[..., Graph]) -> None:

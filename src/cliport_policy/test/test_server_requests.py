@@ -176,6 +176,34 @@ def test_a_proposal_is_approved_by_its_id_alone() -> None:
     assert len(world.goals) == 1 and world.statuses[-1].proposal_id == ""
 
 
+def test_nothing_is_taken_while_another_policy_is_loaded() -> None:
+    world = World()
+    world.say()
+    assert world.server.hold("loading the policy mine") == Answer(False, "the server is OBSERVING: end that first")
+    world.say("")
+    assert world.server.hold("loading the policy mine") == Answer(True, "loading the policy mine")
+    assert (world.state, world.message) == (PolicyState.IDLE, "loading the policy mine")
+    assert world.server.hold("loading the policy yours") == Answer(False, "loading the policy mine")
+    world.say()
+    world.see()
+    assert (world.state, world.message) == (PolicyState.FAILED, "loading the policy mine")
+    assert not world.inferences
+    world.server.release("the policy mine is loaded")
+    assert (world.state, world.message) == (PolicyState.IDLE, "the policy mine is loaded")
+    world.say()
+    world.see()
+    assert world.state == PolicyState.PROPOSING
+
+
+def test_no_policy_is_loaded_before_a_cancelled_motion_has_ended() -> None:
+    world = World()
+    world.start_moving()
+    world.say("")
+    assert not world.server.hold("loading").success
+    world.end(Outcome.CANCELLED)
+    assert world.server.hold("loading").success
+
+
 def test_the_executors_plan_is_approved_through_the_server() -> None:
     world = World()
     world.start_moving()

@@ -44,6 +44,10 @@ class InferenceWorker:
         self._on_answer = on_answer
         self._pool = ThreadPoolExecutor(1, "inference")
 
+    def use(self, policy: InferringPolicy) -> None:
+        """Infer with this policy from now on."""
+        self._policy = policy
+
     def warm_up(self) -> None:
         """Run the policy once on nothing: the first call is the slowest."""
         self.run(self._warm_up)

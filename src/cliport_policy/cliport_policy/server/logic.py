@@ -27,10 +27,8 @@ from cliport_policy.server.types import (
     ServerConfig,
     ServerEffects,
 )
+from cliport_policy.server.wording import NOT_RESUMED, NOT_TOLD, STOPPED, ended_words, excerpt, one_line
 
-_STOPPED = f"stopped: call {topics.RESUME} to go on"
-_NOT_TOLD = f"the arm was not told: {topics.EXECUTOR_STOP} is not there; use its own stop if it moves"
-_NOT_RESUMED = f"the executor was not told: {topics.EXECUTOR_RESUME} is not there; call that one when it is"
 _CLOCK_RESET_NS = 10_000_000_000  # ROS time this far before what was waited for has been set back
 
 
@@ -51,7 +49,7 @@ class PolicyServer:
         self._executor = executor
         self._goal = GoalTracker(config, executor)
         self._status = ServerStatus(PolicyState.IDLE, "ready", "", 0)
-        self._stopped = False
+        self._stopped, self._held = False, ""  # held: why no instruction is taken now
         self._token = 0  # of the current inference
         self._deadline: float | None = None  # of the current state, wall clock
         self._earliest_ns = 0  # observations taken before this show the past
@@ -81,18 +79,15 @@ class PolicyServer:
         try:
             instruction = normalized_instruction(text)
         except InstructionError as error:
-            shown = _one_line(text[:60]) + "..." if len(text) > 60 else _one_line(text)
-            self._status = self._status._replace(instruction=shown, step=0)
+            self._status = self._status._replace(instruction=excerpt(text), step=0)
             self._fail(str(error))
             return
         self._status = self._status._replace(instruction=instruction, step=0)
         if asks_to_stop(instruction):
-            said = f"'{instruction}'" if instruction else "empty"
-            busy = f"stopped by the instruction {said}" if instruction else "stopped by an empty instruction"
-            self._enter(PolicyState.IDLE, busy if was_busy else f"nothing to do: the instruction is {said}")
+            self._enter(PolicyState.IDLE, ended_words(instruction, was_busy))
             return
-        if self._stopped:
-            self._fail(f"the server is stopped: call {topics.RESUME} first")
+        if self._stopped or self._held:
+            self._fail(self._held or f"the server is stopped: call {topics.RESUME} first")
             return
         try:
             self._check_instruction(instruction)
@@ -127,7 +122,7 @@ class PolicyServer:
         self._stopped = True
         told = self._executor.stop()
         self._abandon(now)
-        words = _STOPPED if told else f"{_STOPPED}; but {_NOT_TOLD}"
+        words = STOPPED if told else f"{STOPPED}; but {NOT_TOLD}"
         self._enter(PolicyState.IDLE, words)
         return Answer(told, words)
 
@@ -137,7 +132,20 @@ class PolicyServer:
         if self._stopped:
             self._stopped = False
             self._enter(PolicyState.IDLE, "ready")
-        return Answer(told, "ready for an instruction" if told else _NOT_RESUMED)
+        return Answer(told, "ready for an instruction" if told else NOT_RESUMED)
+
+    def hold(self, why: str) -> Answer:
+        """Take no instruction until `release`, for this reason; refused while something goes on."""
+        if self._status.state in BUSY or self._goal.phase != GoalPhase.NONE or self._held:
+            return Answer(False, self._held or f"the server is {self._status.state.name}: end that first")
+        self._held = why
+        self._enter(PolicyState.IDLE, why)
+        return Answer(True, why)
+
+    def release(self, words: str) -> None:
+        """Take instructions again, and say why."""
+        self._held = ""
+        self._enter(PolicyState.IDLE, words)
 
     # what the camera and the policy say
 
@@ -167,14 +175,11 @@ class PolicyServer:
             self._proposal = ActionGoal(inference.action, self._status.instruction, self._observed_ns)
             self._effects.publish_proposal(self._proposal)
             if config.require_approval:
-                self._await_approval()
+                proposal_id = new_id()
+                words = f"proposal {proposal_id} waits for a call of {topics.APPROVE} with its id"
+                self._enter(PolicyState.WAITING_FOR_APPROVAL, words, proposal_id=proposal_id)
             else:
                 self._execute(self._proposal, now)
-
-    def _await_approval(self) -> None:
-        proposal_id = new_id()
-        words = f"proposal {proposal_id} waits for a call of {topics.APPROVE} with its id"
-        self._enter(PolicyState.WAITING_FOR_APPROVAL, words, proposal_id=proposal_id)
 
     def on_inference_failed(self, token: int, message: str) -> None:
         """Note that the policy could not answer."""
@@ -216,7 +221,7 @@ class PolicyServer:
             self._misses += 1
             self._observe(f"{outcome.label}, trying again ({self._misses} of {self.config.retries})", now)
         else:
-            self._fail(f"executor: {outcome.name}" + (f": {_one_line(result.message)}" if result.message else ""))
+            self._fail(f"executor: {outcome.name}" + (f": {one_line(result.message)}" if result.message else ""))
 
     # what the clock says
 
@@ -292,8 +297,3 @@ class PolicyServer:
         self._status = self._status._replace(step=step)
         self._enter(PolicyState.EXECUTING, f"step {step}: asking the executor")
         self._goal.begin(goal, now)
-
-
-def _one_line(text: str) -> str:
-    """Return printable text without line breaks or doubled blanks: it goes into logs and messages."""
-    return " ".join("".join(c if c.isprintable() else " " for c in text).split())
