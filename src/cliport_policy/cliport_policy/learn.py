@@ -12,7 +12,7 @@ import hashlib
 import signal
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -25,14 +25,16 @@ from cliport_episodes.errors import EpisodesError
 from cliport_policy import train
 from cliport_policy.checkpoint import load_card, write_json
 from cliport_policy.comparison import NEAR_MM, summarize
+from cliport_policy.data.demonstrations import load_demonstrations
 from cliport_policy.data.episode_folders import find_episodes
 from cliport_policy.data.from_bags import Selection, make_data_set
-from cliport_policy.errors import PolicyError
+from cliport_policy.errors import DataError, PolicyError
 from cliport_policy.offline import OfflineRun
 from cliport_policy.policy import load_policy
+from cliport_policy.training.initial import load_initial, primitive_of
 
 REPORT_NAME = "learned.json"
-FROM_NOTHING = "none"  # in place of a checkpoint to begin with
+FROM_NOTHING, AUTO = "none", "auto"  # in place of a checkpoint to begin with
 _HELD_OUT = 5  # of so many episodes one is held out
 _LEAST = 4  # episodes; of fewer none is held out
 _SHOWN = (
@@ -82,8 +84,9 @@ def main(argv: Sequence[str] | None = None) -> int:
             flush=True,
         )
         _make_data(lesson, args)
-        before = None if args.init == FROM_NOTHING else _compared(args.init, lesson.held_out)
-        if status := train.main(_training(lesson, args)):
+        init = _beginning(args.init, lesson.folder / "data")
+        before = None if init is None else _compared(init, lesson.held_out)
+        if status := train.main(_training(lesson, args, init)):
             return status
         signal.signal(signal.SIGINT, signal.default_int_handler)  # which training took for itself
         if not _is_whole(lesson.folder / "training"):
@@ -92,14 +95,17 @@ def main(argv: Sequence[str] | None = None) -> int:
         after = _compared(str(lesson.folder / "training"), lesson.held_out)
         minutes = round((time.monotonic() - started) / 60, 1)
         report = {
-            "init": args.init,
+            "init": init or FROM_NOTHING,
             "learned": [episode.name for episode in lesson.learned],
             "held_out": [episode.name for episode in lesson.held_out],
             "before": before,
             "after": after,
             "minutes_of_this_run": minutes,
+            "policy": str((lesson.folder / "training").resolve()),
+            "table": _rows(before, after),
         }
-        write_json(lesson.folder / REPORT_NAME, report)
+        for path in (lesson.folder / REPORT_NAME, *([args.report] if args.report else [])):
+            write_json(path, report)
     except (PolicyError, CoreError, EpisodesError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 1
@@ -122,13 +128,26 @@ def _make_data(lesson: Lesson, args: argparse.Namespace) -> None:
     print(f"{tally.steps} steps and {tally.finished} finished scenes of {tally.episodes} episodes", flush=True)
 
 
-def _training(lesson: Lesson, args: argparse.Namespace) -> list[str]:
-    """Return the arguments of `train`."""
+def _beginning(init: str, data: Path) -> str | None:
+    """Return the checkpoint to begin with, None for none: `default`, unless that knows another primitive."""
+    if init != AUTO:
+        return None if init == FROM_NOTHING else init
+    known = load_initial("default")
+    try:
+        primitive_of([load_demonstrations(data)], known.card.network, known)
+    except DataError as reason:
+        print(f"it begins from nothing: {reason}", flush=True)
+        return None
+    return "default"
+
+
+def _training(lesson: Lesson, args: argparse.Namespace, init: str | None) -> list[str]:
+    """Return the arguments of `train`; init: the checkpoint to begin with, None for none."""
     data = str(lesson.folder / "data")
     words = ["--data", data] if args.old is None else ["--data", f"{data}:0.6", "--data", f"{args.old}:0.4"]
     words += ["--out", str(lesson.folder / "training")]
-    if args.init != FROM_NOTHING:
-        words += ["--init", args.init]
+    if init is not None:
+        words += ["--init", init]
     return words + args.train_options.split()
 
 
@@ -152,10 +171,17 @@ def _table(before: dict[str, Any] | None, after: dict[str, Any] | None, episodes
     if after is None:
         return f"no episode was held out: record {_LEAST} or more to see what was learned"
     lines = [f"{after['steps']} steps of {episodes} episodes held out{'before':>16}{'after':>10}"]
-    for name, words, shown in _SHOWN:
-        values = ["" if found is None or name not in found else shown(found[name]) for found in (before, after)]
-        lines.append(f"{words:<36}{values[0]:>10}{values[1]:>10}")
+    lines += [f"{words:<36}{old:>10}{new:>10}" for words, old, new in _rows(before, after)]
     return "\n".join(lines)
+
+
+def _rows(before: dict[str, Any] | None, after: dict[str, Any] | None) -> list[tuple[str, str, str]]:
+    """Return what is compared, how it was before and how it is after, in words; empty where it is not known."""
+
+    def words_of(found: dict[str, Any] | None, name: str, shown: Callable[[Any], str]) -> str:
+        return "" if found is None or name not in found else shown(found[name])
+
+    return [(words, words_of(before, name, shown), words_of(after, name, shown)) for name, words, shown in _SHOWN]
 
 
 def _number(name: str) -> int:
@@ -167,9 +193,15 @@ def _parser() -> argparse.ArgumentParser:
     add = parser.add_argument
     add("--from-bags", type=Path, nargs="+", required=True, metavar="DIR", help="data sets of episodes, or episodes")
     add("--out", type=Path, required=True, metavar="DIR", help="folder for what is learned")
-    add("--init", default="default", metavar="CHECKPOINT", help="to begin with; none: from nothing (default default)")
+    add(
+        "--init",
+        default=AUTO,
+        metavar="CHECKPOINT",
+        help="to begin with; none: from nothing; auto: `default`, if it can",
+    )
     add("--old", type=Path, metavar="DIR", help="training set of what it knows already, so that it is not forgotten")
     add("--with-failed", action="store_true", help="use what is marked as a failure, too")
+    add("--report", type=Path, metavar="FILE", help=f"write what {REPORT_NAME} says there, too")
     add("--train-options", default="", metavar="WORDS", help='more for train, as in "--steps 400"')
     return parser
 

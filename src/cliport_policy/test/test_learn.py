@@ -7,6 +7,7 @@ from types import SimpleNamespace
 
 import pytest
 
+from cliport_core.action import Primitive
 from cliport_episodes.data_set import DataSet
 from cliport_policy import learn
 from cliport_policy.learn import Lesson, main
@@ -48,7 +49,9 @@ def test_a_few_episodes_become_a_policy_and_a_report(
     report = json.loads((folder / "learned.json").read_text())
     assert sorted(report["learned"] + report["held_out"]) == ["e0", "e1", "e2", "e3"]
     assert report["held_out"] and report["before"]["steps"] == report["after"]["steps"] > 0
-    assert report["before"] != report["after"]
+    assert report["before"] != report["after"] and report["init"] == str(begun)
+    assert [row[0] for row in report["table"]] == ["pick and place within 20 mm", "pick, median", "place, median"]
+    assert all(before.endswith(("%", "mm")) and after.endswith(("%", "mm")) for _, before, after in report["table"])
     data = (folder / "data" / "meta.json").stat().st_mtime_ns
     assert main(words) == 0, "it is done already"
     assert (folder / "data" / "meta.json").stat().st_mtime_ns == data
@@ -88,6 +91,26 @@ def test_it_says_when_it_was_stopped_and_goes_on(
     assert asked == [[*begun, "--steps", "100"], begun]
     assert main([*words, "--with-failed"]) == 0 and main([*words[:-2], "--init", "default"]) == 0
     assert len(list((tmp_path / "out").iterdir())) == 3, "other ways are learned beside"
+
+
+@pytest.mark.parametrize(("primitive", "begins"), [(Primitive.PICK_PLACE, "default"), (Primitive.SWEEP, "none")])
+def test_it_begins_with_what_can_do_it(
+    make_episode: MakeEpisode, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch,
+    primitive: Primitive, begins: str,
+) -> None:  # fmt: skip
+    make_episode(tmp_path / "set", "one", primitive=primitive)
+    asked: list[list[str]] = []
+    card = SimpleNamespace(made_by={"steps_done": 1, "train": {"steps": 1}})
+    monkeypatch.setattr(learn.train, "main", lambda argv: asked.append(argv))
+    monkeypatch.setattr(learn, "load_card", lambda _: card)
+    report = tmp_path / "report.json"
+    assert main(["--from-bags", str(tmp_path / "set"), "--out", str(tmp_path / "out"), "--report", str(report)]) == 0
+    assert ("--init" in asked[0]) == (begins != "none")
+    said = capsys.readouterr().out
+    assert ("it begins from nothing: " in said and "of sweep" in said) == (begins == "none")
+    found = json.loads(report.read_text())
+    assert found["init"] == begins and found["policy"] == str(next((tmp_path / "out").iterdir()) / "training")
+    assert [row[1:] for row in found["table"]] == 3 * [["", ""]]
 
 
 def test_a_folder_that_cannot_be_written_to_is_one_line(

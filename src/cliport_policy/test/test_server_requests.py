@@ -195,6 +195,16 @@ def test_nothing_is_taken_while_another_policy_is_loaded() -> None:
     assert world.state == PolicyState.PROPOSING
 
 
+def test_a_stop_while_a_policy_is_loaded_is_still_said() -> None:
+    world = World()
+    world.server.hold("loading the policy mine")
+    world.server.stop(world.now)
+    world.server.release("the policy mine is loaded")
+    assert world.message == "the policy mine is loaded; stopped: call /cliport/resume to go on"
+    world.say()
+    assert (world.state, world.message) == (PolicyState.FAILED, "the server is stopped: call /cliport/resume first")
+
+
 def test_no_policy_is_loaded_before_a_cancelled_motion_has_ended() -> None:
     world = World()
     world.start_moving()

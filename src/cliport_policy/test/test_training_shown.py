@@ -102,22 +102,23 @@ def _progress(step: int, loss: float = 1.0, steps: int = 120) -> Progress:
     return Progress(step, steps, {"locator": loss}, 1e-3, 20.0, 3.6)
 
 
-def test_a_log_has_a_line_every_fifty_steps_and_at_the_end() -> None:
-    out = io.StringIO()
-    line = ProgressLine(out)
-    for step in range(1, 121):
-        line(_progress(step, 2.0 if step == 1 else 1.0))
-    first, second, last = out.getvalue().splitlines()
-    mean = 1 + 0.98**49
-    bar = "[##########--------------] 50/120"
-    assert first == f"{bar}  locator {mean:.3f}  20.0 samples/s  4 min left"
-    assert second.startswith("[####################----] 100/120  ") and last.startswith(f"[{'#' * 24}] 120/120  ")
+def test_a_log_has_rarer_lines_the_longer_it_gets() -> None:
+    clock, out = Clock(), io.StringIO()
+    line = ProgressLine(out, lambda: clock.now)
+    began = clock.now
+    for step in range(1, 601):  # a step a second
+        clock.now = began + step
+        line(_progress(step, 2.0 if step == 1 else 1.0, steps=600))
+    lines = out.getvalue().splitlines()
+    shown = [int(text.split("] ")[1].split("/")[0]) for text in lines]
+    assert shown[:5] == [1, 7, 13, 19, 25] and shown[-3:-1] == [576, 588] and shown[-1] == 600
+    assert lines[1] == f"[{24 * '-'}] 7/600  locator {1 + 0.98**6:.3f}  20.0 samples/s  4 min left"
+    assert lines[-1].startswith(f"[{24 * '#'}] 600/600  ")
 
 
-def test_a_terminal_is_refreshed_twice_a_second(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_terminal_is_refreshed_twice_a_second() -> None:
     clock, out = Clock(), _Terminal()
-    monkeypatch.setattr(log, "time", clock)
-    line = ProgressLine(out)
+    line = ProgressLine(out, lambda: clock.now)
     for step, seconds in ((1, 0.0), (2, 0.4), (3, 0.6), (4, 1.0), (5, 1.2), (6, 1.2)):
         clock.now = 1000 + seconds
         line(_progress(step, steps=6))

@@ -15,6 +15,7 @@ from cliport_core.errors import CoreError
 from cliport_core.ros_running import run_node
 from cliport_episodes.errors import EpisodesError
 from demo_tool.errors import DemoToolError
+from demo_tool.lesson_process import LessonProcess
 from demo_tool.ros_link import RosLink
 from demo_tool.station import Station
 from demo_tool.web.access import AccessError, AccessRule, token_from
@@ -44,10 +45,11 @@ def main(argv: list[str] | None = None) -> int:
         print(f"error: {error}", file=sys.stderr)
         return 1
     servers: list[WebServer] = []
+    lessons = LessonProcess(options.learned)
 
     def make_node(fail: Callable[[BaseException], None]) -> RosLink:
         link = RosLink()
-        station = Station(link.config, link.arm, link.policy, root, scenes=link.scenes)
+        station = Station(link.config, link.arm, link.policy, root, scenes=link.scenes, lessons=lessons)
         link.attach(station)
         servers.append(WebServer(make_application(station, rule), listener, fail, tls))
         servers[0].start()
@@ -69,6 +71,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--host", default="127.0.0.1", help="address to listen on; other than loopback asks a token")
     parser.add_argument("--port", type=int, default=8080, help="0 takes a free one")
     parser.add_argument("--data-sets", type=Path, default=Path("demonstrations"), help="folder of the data sets")
+    parser.add_argument("--learned", type=Path, default=Path("learned"), help="folder for policies that learn of them")
     parser.add_argument("--token", help=argparse.SUPPRESS)
     parser.add_argument("--token-file", type=Path, help="holds what a browser must show once; made where there is none")
     parser.add_argument("--ask-token", action="store_true", help="ask a token on loopback too: others use this machine")

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Protocol
+from pathlib import Path
+from typing import Any, Protocol
 
 from cliport_core.action import ActionGoal
 from cliport_core.outcome import ActionResult
@@ -65,6 +66,25 @@ class Scenes(Protocol):
         """Make another scene of the same task; on_answer: told the sentence asked for there, or why there is none."""
 
 
+class Lessons(Protocol):
+    """Interface of what learns from episodes. Only `close` waits; the callbacks come from another thread."""
+
+    def begin(
+        self, data_set: Path, on_line: Callable[[str], None], on_end: Callable[[int, dict[str, Any] | None], None]
+    ) -> None:
+        """Learn from the episodes of a data set's folder. Raises NotNowError where that cannot begin.
+
+        on_line: told each line that a person would read; on_end: told the exit status, 0 where all is learned, and the
+        report of `cliport_policy learn` where there is one.
+        """
+
+    def stop(self) -> None:
+        """Save what is learned and end; begun again, it goes on."""
+
+    def close(self) -> None:
+        """Stop, and wait for the end."""
+
+
 class Policy(Protocol):
     """Interface of the policy server. No method waits; the station hears it by `on_policy_status` and `..._pose`."""
 
@@ -73,3 +93,6 @@ class Policy(Protocol):
 
     def instruct(self, text: str) -> None:
         """Send the policy an instruction; an empty one makes it drop its present one."""
+
+    def load(self, checkpoint: str, on_answer: OnAnswer) -> None:
+        """Have the server load another policy; on_answer: told whether that has begun, its status says how it ends."""

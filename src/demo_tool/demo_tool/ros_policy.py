@@ -18,7 +18,10 @@ from cliport_core import topics
 from cliport_core.messages import planar_pose_from_msg, stamp_from_msg, status_from_msg
 from cliport_core.raw_header import header_of_raw
 from cliport_interfaces.msg import Heightmap, PolicyStatus
+from cliport_interfaces.srv import LoadPolicy
 from demo_tool.conversions import color_from_raw, scene_from_raw
+from demo_tool.ports import OnAnswer
+from demo_tool.ros_requests import call_service
 from demo_tool.station import Station
 
 
@@ -30,6 +33,7 @@ class RosPolicy:
         self._station: Station | None = None
         self._is_there = False  # as the graph says
         self._parameters = node.create_client(GetParameters, topics.POLICY_PARAMETERS)
+        self._loading = node.create_client(LoadPolicy, topics.LOAD_POLICY)
         self._instruction = node.create_publisher(String, topics.INSTRUCTION, 10)
 
     def attach(self, station: Station) -> None:
@@ -60,6 +64,11 @@ class RosPolicy:
     def instruct(self, text: str) -> None:
         """Publish an instruction on /cliport/instruction."""
         self._post(lambda: self._instruction.publish(String(data=text)))
+
+    def load(self, checkpoint: str, on_answer: OnAnswer) -> None:
+        """Call the server's service for another policy."""
+        request = LoadPolicy.Request(checkpoint=checkpoint)
+        self._post(lambda: call_service(self._loading, request, on_answer, "the policy server"))
 
     def _ask(self, on_answer: Callable[[bool | None], None]) -> None:
         if not self._parameters.service_is_ready():

@@ -16,6 +16,7 @@ from cliport_interfaces.srv import ApprovePlan
 from demo_tool.ports import OnAnswer
 
 _REPORT, _BUSY = "panda_executor: arm", "busy"  # the executor's report on /diagnostics, and its value that is read
+_EXECUTOR = "the executor"
 _IDLE_REPORTS = 2  # in a row, before a recovery has ended: the first may be older than the recovery
 
 
@@ -32,7 +33,7 @@ class ExecutorRequests:
 
     def approve(self, plan_id: str, on_answer: OnAnswer) -> None:
         """Approve the plan of that id; on_answer: told what the executor says to that."""
-        _call(self._approve, ApprovePlan.Request(plan_id=plan_id), on_answer)
+        call_service(self._approve, ApprovePlan.Request(plan_id=plan_id), on_answer, _EXECUTOR)
 
     def recover(self, on_answer: OnAnswer, on_end: Callable[[], None]) -> None:
         """Begin a recovery; on_answer: told whether it has begun; on_end: told once the executor is idle again."""
@@ -42,7 +43,7 @@ class ExecutorRequests:
                 self._on_end, self._idle_reports = on_end, 0
             on_answer(ok, words)
 
-        _call(self._recover, Trigger.Request(), answered)
+        call_service(self._recover, Trigger.Request(), answered, _EXECUTOR)
 
     def _on_report(self, message: DiagnosticArray) -> None:
         for status in message.status:
@@ -57,16 +58,16 @@ class ExecutorRequests:
             on_end()
 
 
-def _call(client: Client, request: Any, on_answer: OnAnswer) -> None:
-    """Call a service whose response has `success` and `message`, and hand those on."""
+def call_service(client: Client, request: Any, on_answer: OnAnswer, whose: str) -> None:
+    """Call a service whose response has `success` and `message`, and hand those on; whose: its node, in words."""
     if not client.service_is_ready():
-        on_answer(False, f"the executor cannot be reached: is it running? (service {client.srv_name})")
+        on_answer(False, f"{whose} cannot be reached: is it running? (service {client.srv_name})")
         return
 
     def answered(done: Future) -> None:
         response = None if done.exception() is not None else done.result()
         if response is None:
-            on_answer(False, f"the executor gave no answer (service {client.srv_name})")
+            on_answer(False, f"{whose} gave no answer (service {client.srv_name})")
         else:
             on_answer(bool(response.success), str(response.message))
 

@@ -16,15 +16,17 @@ from demo_tool.camera_watch import CameraWatch
 from demo_tool.draft_desk import DraftDesk
 from demo_tool.errors import StationError, UnknownCommandError
 from demo_tool.home_watch import HomeWatch
+from demo_tool.lesson_process import LessonProcess
 from demo_tool.library import Library
 from demo_tool.live_view import ColorImage, LiveView
 from demo_tool.page_commands import Answer, Arguments, PageCommands
 from demo_tool.page_view import PageView
 from demo_tool.picture_feed import Picture, PictureFeed
-from demo_tool.ports import Arm, Policy, Scenes
+from demo_tool.ports import Arm, Lessons, Policy, Scenes
 from demo_tool.recording import Recorder
 from demo_tool.scene_change import SceneChange
 from demo_tool.station_config import StationConfig
+from demo_tool.teach_now import TeachNow
 from demo_tool.wording import policy_words
 from demo_tool.work import Job, WorkThread
 
@@ -39,7 +41,8 @@ class Station:
     Commands that draw, move and stop return at once, those that open and edit wait for the disk: `command` is to be
     called in a thread that may wait. Pictures are decoded in the thread that asks for them.
 
-    run: calls long work in another thread; clock: steady time [s]; scenes: of a simulator, where one may run.
+    run: calls long work in another thread; clock: steady time [s]; scenes: of a simulator, where one may run; lessons:
+    what learns, by default a process that writes to `learned` beside data_sets_root.
     """
 
     def __init__(
@@ -51,6 +54,7 @@ class Station:
         run: Callable[[Job], None] | None = None,
         clock: Callable[[], float] = time.monotonic,
         scenes: Scenes | None = None,
+        lessons: Lessons | None = None,
     ) -> None:
         self.config = config
         self._clock = clock
@@ -79,6 +83,8 @@ class Station:
             clock=clock,
         )
         self._scene = SceneChange(scenes, self._recorder, self._bulletin, self._on_new_scene)
+        lessons = lessons or LessonProcess(data_sets_root.parent / "learned")
+        self._teaching = TeachNow(lessons, policy, self._recorder, self._bulletin)
         self._when_idle = {**self._page.when_idle, **self._scene.commands}
         self._when_saved = self._page.when_saved | self._scene.commands.keys()
         self._page_view = PageView(
@@ -196,7 +202,7 @@ class Station:
         Raises:
             StationError: with one line for a person, when the command is refused; it has no effect then.
         """
-        known = {**self._page.always, **self._when_idle, **self._library.commands}
+        known = {**self._page.always, **self._when_idle, **self._library.commands, **self._teaching.commands}
         try:
             if name not in known:
                 raise UnknownCommandError(name, known)
@@ -219,12 +225,13 @@ class Station:
         """Return everything that the page shows, as plain values; holder: holder of the arm, passed through."""
         with self._bulletin.lock:
             values = self._page_view.values(holder, self._now_ns, self._policy_state, self._policy_words)
-            return {**values, "scenes": self._scene.is_offered}
+            return {**values, "scenes": self._scene.is_offered, "lesson": self._teaching.lesson.shown()}
 
     def close(self) -> None:
         """Cancel the present goal, and leave the episode unfinished on the disk."""
         self._work.close()
         self._recorder.close()
+        self._teaching.close()
 
     def _judge_draft(self) -> None:
         view = self._watch.view

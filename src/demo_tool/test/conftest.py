@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 from browser_user import chromium
-from station_fakes import BLOCKS, Block, FakeArm, FakePolicy, FakeScenes, FakeTable
+from station_fakes import BLOCKS, Block, FakeArm, FakeLessons, FakePolicy, FakeScenes, FakeTable
 from web_workplace import Workplace, workplace
 from workplace_user import Person
 
@@ -50,13 +50,14 @@ class Bench:
         self.arm = arm or FakeArm()
         self.table = FakeTable(blocks=list(BLOCKS))
         self.policy = FakePolicy(PlanarPose(0.42, -0.12, 0.0), PlanarPose(0.50, -0.28, 0.0))
-        self.scenes = FakeScenes()
+        self.scenes, self.lessons = FakeScenes(), FakeLessons()
         self.run: Callable[[Callable[[], None]], None] = lambda job: job()
         self.station = Station(
             *(config or StationConfig(), self.arm, self.policy, root),
             run=lambda job: self.run(job),
             clock=lambda: self.now,
             scenes=self.scenes,
+            lessons=self.lessons,
         )
         self.policy.on_status = self.station.on_policy_status
         self.policy.on_pose = self.station.on_policy_pose

@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -18,6 +19,7 @@ from cliport_core.pose import PlanarPose, Pose
 from cliport_episodes.observation import Observation
 from cliport_episodes.observation_messages import messages_from_observation
 from cliport_perception.camera_model import CameraModel
+from demo_tool.errors import NotNowError
 from demo_tool.live_view import ColorImage, DepthImage, LiveView
 from demo_tool.ports import ACCEPTED, APPROVAL, OnAnswer, OnEnd, OnFailure, OnPhase
 from panda_model import load_preset
@@ -250,7 +252,7 @@ class FakePolicy:
 
     def __init__(self, pick: PlanarPose, place: PlanarPose, waits: bool | None = True) -> None:
         self.pick, self.place, self.waits = pick, place, waits
-        self.heard: list[str] = []
+        self.heard, self.loaded = list[str](), list[str]()
         self.on_status: Callable[[ServerStatus], None] = lambda *_: None
         self.on_pose: Callable[[str, PlanarPose, int], None] = lambda *_: None
         self.failure, self.confidence, self.primitive = "", 0.83, Primitive.PICK_PLACE
@@ -273,6 +275,31 @@ class FakePolicy:
             self.on_pose("place", self.place, stamp_ns)
             waiting = ServerStatus(PolicyState.WAITING_FOR_APPROVAL, "proposal 12ab34cd waits", text)
             self.on_status(waiting._replace(confidence=self.confidence, primitive=self.primitive))
+
+    def load(self, checkpoint: str, on_answer: OnAnswer) -> None:
+        """Take note of it, or refuse."""
+        self.loaded.append(checkpoint)
+        on_answer(not self.failure, self.failure or f"loading the policy {checkpoint}")
+
+
+class FakeLessons:
+    """Learns only what a test says."""
+
+    def __init__(self) -> None:
+        self.data_sets: list[Path] = []
+        self.stops, self.closed, self.fault = 0, False, ""
+
+    def begin(self, data_set: Path, on_line: Callable[[str], None], on_end: Callable[..., None]) -> None:
+        if self.fault:
+            raise NotNowError(self.fault)
+        self.data_sets.append(data_set)
+        self.on_line, self.on_end = on_line, on_end
+
+    def stop(self) -> None:
+        self.stops += 1
+
+    def close(self) -> None:
+        self.closed = True
 
 
 class FakeScenes:

@@ -4,18 +4,22 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.task import Future
 from ros_domain import next_domain
 from std_srvs.srv import Trigger
 
 from cliport_core import topics
 from cliport_core.ros_running import SpinThread
 from cliport_core.ros_spin_queue import SpinQueue
-from cliport_interfaces.srv import ApprovePlan
+from cliport_interfaces.srv import ApprovePlan, LoadPolicy
 from demo_tool.ros_arm import RosArm
+from demo_tool.ros_policy import RosPolicy
 from demo_tool.ros_requests import ExecutorRequests
 
 
@@ -117,3 +121,19 @@ def test_an_executor_that_is_not_there_is_said(world: World) -> None:
     requests.recover(world.hear, world.end)
     words = [words for ok, words in world.heard if not ok]
     assert len(words) == 2 and all("cannot be reached: is it running? (service /" in line for line in words)
+
+
+@pytest.mark.parametrize("ready", [True, False])
+def test_another_policy_is_asked_for(ready: bool) -> None:
+    answer, asked, heard = Future(), list[Any](), list[tuple[bool, str]]()
+    client = SimpleNamespace(
+        service_is_ready=lambda: ready, call_async=lambda request: asked.append(request) or answer, srv_name="/load"
+    )
+    node: Any = SimpleNamespace(create_client=lambda kind, name: client, create_publisher=lambda *_: None)
+    RosPolicy(node, "base", lambda act: act()).load("runs/mine", lambda ok, words: heard.append((ok, words)))
+    answer.set_result(LoadPolicy.Response(success=True, message="loading the policy runs/mine"))
+    if ready:
+        assert asked == [LoadPolicy.Request(checkpoint="runs/mine")]
+        assert heard == [(True, "loading the policy runs/mine")]
+    else:
+        assert heard == [(False, "the policy server cannot be reached: is it running? (service /load)")]

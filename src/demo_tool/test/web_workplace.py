@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from station_fakes import BLOCKS, FakeArm, FakePolicy, FakeTable
+from station_fakes import BLOCKS, FakeArm, FakeLessons, FakePolicy, FakeTable
 
 from cliport_core.pose import PlanarPose
 from demo_tool.station import Station
@@ -29,6 +29,7 @@ class Workplace:
     table: FakeTable
     arm: FakeArm
     policy: FakePolicy
+    lessons: FakeLessons
     root: Path
     rule: AccessRule
     port: int = 0
@@ -87,9 +88,10 @@ def workplace(
     table = FakeTable()
     arm = FakeArm(pace, on_success=lambda goal: table.move(goal.action.pick, goal.action.place))
     policy = FakePolicy(PlanarPose(0.5, 0.12, 0.5), PlanarPose(0.38, 0.02, 1.0))
-    station = Station(StationConfig(), arm, policy, root)
+    lessons = FakeLessons()
+    station = Station(StationConfig(), arm, policy, root, lessons=lessons)
     policy.on_status, policy.on_pose = station.on_policy_status, station.on_policy_pose
-    place = Workplace(station, table, arm, policy, root, AccessRule.for_address(host, token), tls=tls)
+    place = Workplace(station, table, arm, policy, lessons, root, AccessRule.for_address(host, token), tls=tls)
     ended = threading.Event()
     camera = threading.Thread(target=_film, args=(place, ended), daemon=True)
     camera.start()

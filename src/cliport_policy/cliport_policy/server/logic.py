@@ -145,7 +145,7 @@ class PolicyServer:
     def release(self, words: str) -> None:
         """Take instructions again, and say why."""
         self._held = ""
-        self._enter(PolicyState.IDLE, words)
+        self._enter(PolicyState.IDLE, f"{words}; {STOPPED}" if self._stopped else words)
 
     # what the camera and the policy say
 

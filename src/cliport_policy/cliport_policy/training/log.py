@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import TextIO
 
@@ -18,27 +20,35 @@ from cliport_policy.training.trainer import Progress
 
 _SMOOTHING = 0.98
 _BAR = 24  # characters
-_LINE_STEPS = 50  # steps between lines if the output is no terminal
 _REFRESH = 0.5  # s between refreshes on a terminal
+_LINE_PERIOD, _LINE_SHARE = 5.0, 0.02  # between lines elsewhere: so many seconds, and this share of the run so far
 _SCALAR_STEPS = 10
 
 
 class ProgressLine:
-    """Bar with losses, pace and time left: one line that changes on a terminal, a line now and then elsewhere."""
+    """Bar with losses, pace and time left: one line that changes on a terminal, a line now and then elsewhere.
 
-    def __init__(self, out: TextIO) -> None:
-        self._out, self._shown, self._means = out, 0.0, dict[str, float]()
+    clock: steady time [s].
+    """
+
+    def __init__(self, out: TextIO, clock: Callable[[], float] = time.monotonic) -> None:
+        self._out, self._clock, self._means = out, clock, dict[str, float]()
+        self._began = clock()
+        self._shown = -math.inf
 
     def __call__(self, progress: Progress) -> None:
         """Show a step."""
         for name, value in progress.losses.items():
             self._means[name] = _SMOOTHING * self._means.get(name, value) + (1 - _SMOOTHING) * value
-        last = progress.step == progress.steps
-        if self._out.isatty():
-            if last or time.monotonic() - self._shown > _REFRESH:
-                self._shown = time.monotonic()
-                print(f"\r{self.line(progress)}\x1b[K", end="\n" if last else "", file=self._out, flush=True)
-        elif last or progress.step % _LINE_STEPS == 0:
+        now, last = self._clock(), progress.step == progress.steps
+        changes = self._out.isatty()
+        period = _REFRESH if changes else max(_LINE_PERIOD, _LINE_SHARE * (now - self._began))
+        if not last and now - self._shown <= period:
+            return
+        self._shown = now
+        if changes:
+            print(f"\r{self.line(progress)}\x1b[K", end="\n" if last else "", file=self._out, flush=True)
+        else:
             print(self.line(progress), file=self._out, flush=True)
 
     def line(self, progress: Progress) -> str:

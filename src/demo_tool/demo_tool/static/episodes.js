@@ -2,6 +2,7 @@
 
 import { DataSets } from "./datasets.js";
 import { EpisodeView } from "./episode.js";
+import { LessonCard } from "./lesson.js";
 import { askFirst, button, buttons, byId, element, one, say, wordsOf } from "./page.js";
 import { statisticsParts } from "./statistics.js";
 
@@ -27,6 +28,7 @@ export class Episodes extends EventTarget {
   #call;
   #one;
   #others;
+  #lesson;
   /** @type {string | null} */
   #dataSet = null;
   #mine = false;
@@ -38,6 +40,7 @@ export class Episodes extends EventTarget {
     this.#call = call;
     this.#one = new EpisodeView(byId("one-episode"), (command, ...args) => this.#edit(command, ...args));
     this.#others = new DataSets((command, ...args) => this.#edit(command, ...args), (words) => this.#say(false, words));
+    this.#lesson = new LessonCard((command, ...args) => this.#edit(command, ...args));
     byId("episodes-refresh").addEventListener("click", () => this.refresh());
     byId("data-set-other").addEventListener("click", () => this.dispatchEvent(new Event("another-data-set")));
     byId("count").addEventListener("click", () => this.#count());
@@ -55,6 +58,7 @@ export class Episodes extends EventTarget {
       document.body.classList.toggle("may-edit", mine);
       this.#allow();
     }
+    this.#lesson.show(view, mine);
     this.#others.show(view.data_sets, view.data_set, mine);
     if (view.data_set !== this.#dataSet) {
       this.#dataSet = view.data_set;

@@ -83,6 +83,16 @@ export interface PolicyView {
   proposal: Proposal | null;
 }
 
+/** What is learned of a data set; share: of the training's steps; table: what is compared, before and after. */
+export interface Lesson {
+  state: "none" | "running" | "stopped" | "failed" | "learned";
+  data_set: string;
+  words: string;
+  share: number | null;
+  table: [what: string, before: string, after: string][];
+  policy: string | null;
+}
+
 export interface Camera {
   width: number;
   height: number;
@@ -114,6 +124,7 @@ export interface View {
   unsaved: string | null;
   data_sets: string[];
   policy: PolicyView;
+  lesson: Lesson;
   camera: Camera;
   last: { ok: boolean; words: string };
   holder: "me" | "other" | null;
@@ -190,6 +201,9 @@ export interface Commands {
   end_episode: { success?: boolean | null };
   discard_episode: {};
   new_scene: {};
+  teach: {};
+  stop_teaching: {};
+  use_learned: {};
   propose: { text: string };
   correct: {};
   episodes: {};
