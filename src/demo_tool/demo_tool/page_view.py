@@ -61,6 +61,7 @@ class PageView:
             "approval": self._work.approval.shown(),
             "away": self._work.recovery.is_needed,
             "data_set": self._recorder.data_set_name,
+            "recorded": self._recorder.recorded,
             "episode": self._recorder.episode,
             "verdict": self._page.verdict,
             "unsaved": unsaved.words if unsaved is not None else None,

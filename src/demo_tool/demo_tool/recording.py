@@ -41,6 +41,7 @@ class Recorder:
         self.data_set: DataSet | None = None
         self.data_set_name: str | None = None
         self.data_set_names: tuple[str, ...] = ()
+        self.recorded = 0
         self.episode: dict[str, Any] | None = None
         self.last_episode: str | None = None
         self.history: tuple[str, ...] = ()
@@ -73,6 +74,7 @@ class Recorder:
             if writer is not self._writer:
                 self._forget_episode()
             self.data_set, self.data_set_name = data_set, name
+            self.recorded = sum(info.finished for info in infos)
             self._writer, self._steps = writer, steps
             self._update_episode()
             for text in (text for info in infos for text in info.instructions):
@@ -148,6 +150,7 @@ class Recorder:
             writer.finish(messages, success)
             self.last_episode = str(writer.name)
             self._forget_episode()
+            self.count_recorded()
             return self.last_episode
 
     def discard(self) -> str:
@@ -228,6 +231,12 @@ class Recorder:
         if self._writer is not None:
             restorable = self._writer.restorable()
             self.episode = {"name": str(self._writer.name), "steps": list(self._steps), "restorable": restorable}
+
+    def count_recorded(self) -> None:
+        """Update the number of the data set's finished episodes."""
+        with self._lock:
+            if self.data_set is not None:
+                self.recorded = sum(info.finished for info in self.data_set.episodes())
 
     def list_data_sets(self) -> None:
         """Update the names of the data sets, without hidden ones, which are incomplete."""

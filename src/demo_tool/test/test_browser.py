@@ -172,6 +172,44 @@ def test_by_keys_alone(person: Person) -> None:
     assert steps(person.place)[0]["outcome"] == "succeeded"
 
 
+def test_letters_press_the_buttons_that_name_them(person: Person) -> None:
+    person.draw_both()
+    person.page.focus("#instruction")
+    person.press("E", "r")
+    person.page.fill("#instruction", "put it there")
+    assert steps(person.place) == [] and not person.place.arm.goals, "letters are text in a text field"
+    person.page.evaluate("document.activeElement.blur()")
+    person.press("Control+e")
+    person.press("e")
+    until(lambda: len(steps(person.place)) == 1, "executed")
+    person.sees("ready")
+    person.press("e")  # nothing is drawn: the button takes no click
+    person.press("s")
+    until(lambda: person.place.station.view(None)["verdict"] is True, "marked")
+    person.press("u")
+    until(lambda: steps(person.place) == [], "undone")
+    assert len(person.place.arm.goals) == 1
+    person.press("a")
+    until(lambda: person.place.station.view(None)["policy"]["proposal"], "proposed")
+    person.page.locator("#correct:not([disabled])").wait_for()
+    person.press("c")
+    until(lambda: person.place.station.view(None)["draft"]["pick"], "drawn")
+    person.page.locator("#record-only:not([disabled])").wait_for()
+    person.press("R")
+    until(lambda: len(steps(person.place)) == 1, "recorded")
+    person.page.locator("#recorded", has_text="0 of 50 episodes").wait_for()
+    person.page.locator("#next-episode:not([disabled])").wait_for()
+    person.press("n")
+    person.page.locator("#recorded", has_text="1 of 50 episodes").wait_for()
+    named = person.page.eval_on_selector_all(
+        "#record [aria-keyshortcuts]", "all => all.map((one) => one.ariaKeyShortcuts)"
+    )
+    told = person.page.locator(".keys").text_content() or ""
+    assert len(named) == len(set(named)) == 9 and all(
+        f"{letter}, " in told or f", {letter}" in told for letter in named
+    )
+
+
 def test_the_space_bar_stops_from_a_button_and_types_in_a_text(person: Person) -> None:
     person.page.focus("#instruction")
     person.page.fill("#instruction", "put")

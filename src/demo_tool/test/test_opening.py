@@ -142,3 +142,24 @@ def test_two_stations_do_not_write_one_episode(bench, make_bench) -> None:
     assert other.view["episode"] is None
     bench.station.close()
     assert "goes on after 1 steps" in other.do("open_data_set", name="blocks")["words"]
+
+
+def test_finished_episodes_are_counted(bench) -> None:
+    assert bench.view["recorded"] == 0
+    bench.begin()
+    for count in (1, 2):
+        bench.draw()
+        bench.do("record")
+        assert bench.view["recorded"] == count - 1, "one that goes on does not count"
+        bench.rest()
+        bench.do("end_episode")
+        assert bench.view["recorded"] == count
+    first = bench.do("episodes")["episodes"][0]["name"]
+    bench.do("delete", name=first)
+    assert bench.view["recorded"] == 1
+    bench.do("restore", name=first)
+    assert bench.view["recorded"] == 2
+    bench.do("open_data_set", name="others")
+    assert bench.view["recorded"] == 0
+    bench.do("merge", other="blocks")
+    assert bench.view["recorded"] == 2

@@ -9,6 +9,7 @@ import { button, buttons, byId, press, say, wordsOf } from "./page.js";
 import { Panel } from "./panel.js";
 import { setUpRecovery, showRecovery } from "./recovery.js";
 import { Stage } from "./stage.js";
+import { setUpShortcuts } from "./shortcuts.js";
 import { setUpStopping } from "./stopping.js";
 
 /** @import { Call, View } from "./protocol" */
@@ -154,6 +155,7 @@ episodes.addEventListener("another-data-set", () => {
   panel.askDataSet();
 });
 setUpRecovery(() => call("recover").catch(tell));
+setUpShortcuts();
 setUpStopping(() => connection.stop().catch(tell));
 
 open("record");

@@ -7,6 +7,7 @@ import { all, askFirst, button, buttons, byId, element, input, LONGEST_INSTRUCTI
 /** @import { Stage } from "./stage.js" */
 
 const TYPING_MS = 500;
+const ENOUGH = 50; // episodes from which a policy learns something new; after these, so many more
 
 export class Panel {
   #call;
@@ -147,7 +148,9 @@ export class Panel {
   // the episode and the policy
 
   /** @param {View} view */
-  #showEpisode({ episode, verdict, unsaved }) {
+  #showEpisode({ data_set: dataSet, recorded, episode, verdict, unsaved }) {
+    byId("recorded").hidden = dataSet === null;
+    say(byId("recorded"), `${recorded} of ${Math.max(1, Math.ceil(recorded / ENOUGH)) * ENOUGH} episodes are recorded.`);
     byId("unsaved").hidden = unsaved === null;
     say(byId("unsaved-words"), unsaved ?? "");
     byId("restore-step").hidden = !episode?.restorable;

@@ -118,6 +118,8 @@ export interface View {
   /** Whether a simulator is there that can make another scene. */
   scenes: boolean;
   data_set: string | null;
+  /** The finished episodes of the open data set. */
+  recorded: number;
   episode: OpenEpisode | null;
   verdict: boolean | null;
   /** How the step ended that moved the arm and could not be saved. */
