@@ -100,13 +100,19 @@ class Person(BrowserUser):
     def pick_and_place(self) -> None:
         """One step: a red thing that is in no bowl into a green one that is empty; again where the arm failed."""
         for _ in range(_ATTEMPTS):
-            picture = self.picture()
-            blocks, bowls = find(picture, "red"), find(picture, "green", least=800)
-            loose = [block for block in blocks if not any(inside(block, bowl) for bowl in bowls)]
-            empty = [bowl for bowl in bowls if not any(inside(block, bowl) for block in blocks)]
-            assert loose, "nothing is left to be picked, but the page did not call the step done"
-            if self.step(loose[0], empty[0], picture.shape, margins=(4, 0)):
+            self.draw_a_step()
+            if self.act():
                 return
+
+    def draw_a_step(self) -> None:
+        """Draw such a step, which the arm can do."""
+        picture = self.picture()
+        blocks, bowls = find(picture, "red"), find(picture, "green", least=800)
+        loose = [block for block in blocks if not any(inside(block, bowl) for bowl in bowls)]
+        empty = [bowl for bowl in bowls if not any(inside(block, bowl) for block in blocks)]
+        assert loose, "nothing is left to be picked, but the page did not call the step done"
+        can = self.draw_and_preview(loose[0], empty[0], picture.shape, margins=(4, 0))
+        assert can, self.page.locator("#answer").text_content()
 
     def sweep_or_fold(self, primitive: str) -> None:
         """One step of another primitive: "sweep", "fold"; once more in the scene that is left where the arm failed."""
@@ -119,11 +125,6 @@ class Person(BrowserUser):
             if self.draw_and_preview(start, end, picture.shape, margins=(0, 0)) and self.act():
                 return
 
-    def step(self, start: Blob, end: Blob, shape: tuple[int, ...], margins: tuple[float, float]) -> bool:
-        """Draw both boxes, turn the fingers until the arm can do it, and let it; whether it succeeds."""
-        assert self.draw_and_preview(start, end, shape, margins), self.page.locator("#answer").text_content()
-        return self.act()
-
     def draw_and_preview(self, start: Blob, end: Blob, shape: tuple[int, ...], margins: tuple[float, float]) -> bool:
         """Draw both boxes, turn the fingers along either side of the thing; whether the arm can do it."""
         self._until(lambda: self.draws("pick", start, shape, margins[0]))
@@ -134,7 +135,7 @@ class Person(BrowserUser):
         """Let the arm do what was drawn, to its end; whether the page says of a new step that it succeeded."""
         before = self.steps()
         self.remember("previewed")
-        self._until(self.executes)
+        self.begin()
         if self.album:
             self.page.locator("#progress:not([hidden])").wait_for()
             time.sleep(2.0)
@@ -143,6 +144,10 @@ class Person(BrowserUser):
         said = self.page.locator("#steps li").last if self.steps() > before else self.page.locator("#state-words")
         print(words := said.text_content() or "", flush=True)
         return self.steps() > before and words.endswith("succeeded")
+
+    def begin(self) -> None:
+        """Let the arm begin with what was drawn."""
+        self._until(self.executes)
 
     def can(self, blob: Blob, shape: tuple[int, ...], angle: float) -> bool:
         """Turn the fingers, and ask whether the arm can do what is drawn."""
@@ -237,9 +242,10 @@ class Workplace:
 
 
 @contextmanager
-def workplace(root: Path, domain: int, speed: float) -> Iterator[Workplace]:
-    """A workplace for as long as the context lasts."""
+def workplace(root: Path, domain: int, speed: float, **more: str) -> Iterator[Workplace]:
+    """A workplace for as long as the context lasts; more: arguments of sim.launch.yaml."""
     arguments = {"task": TASK, "split": "test", "seed": "1", "real_time_factor": str(speed), "require_approval": "true"}
+    arguments.update(more)
     with (
         GraphProcess("sim.launch.yaml", arguments, root / "graph.log", {"ROS_DOMAIN_ID": str(domain)}) as graph,
         GraphClient(domain_id=domain) as client,

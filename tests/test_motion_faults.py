@@ -12,8 +12,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from browser_user import CHROMIUM
 from graph_probe import STILL, GraphProbe
 from hardware_times import ROOT, with_hardware_times
+from numpy.typing import NDArray
 from ros_domain import next_domain
 
 from cliport_benchmark.graph_process import GraphProcess
@@ -66,21 +68,47 @@ FAULTS: dict[str, Callable[[GraphProcess, GraphProbe], object]] = {
 @pytest.mark.parametrize("fault", FAULTS)
 def test_the_arm_comes_to_rest(moving: tuple[GraphProcess, GraphProbe], fault: str) -> None:
     graph, probe = moving
-    before = probe.positions(JOINTS)
-    start = time.monotonic()
+    before, start = probe.positions(JOINTS), time.monotonic()
     FAULTS[fault](graph, probe)
-    still = probe.wait_still(start, 5.0)
-    after = probe.positions(JOINTS)
-    seconds = still - start
-    model = PandaModel()
-    metres = float(np.linalg.norm(model.tcp_arrays(after)[1] - model.tcp_arrays(before)[1]))
-    _note(fault, seconds, metres)
+    still = _rests(probe, fault, start, before)
     if fault.startswith("executor hung"):
         os.kill(graph.pid_of("executor"), signal.SIGCONT)
         time.sleep(1.0)  # it wakes up: nothing may go on
     time.sleep(0.5)
     assert probe.fastest(still + 0.05) < STILL, "the arm went on"
-    assert seconds < GUARD
+
+
+def _rests(probe: GraphProbe, fault: str, start: float, before: NDArray[np.float64]) -> float:
+    """Note how long after `start` and how far from `before` the arm comes to rest; return when, wall time."""
+    still = probe.wait_still(start, 5.0)
+    model = PandaModel()
+    metres = float(np.linalg.norm(model.tcp_arrays(probe.positions(JOINTS))[1] - model.tcp_arrays(before)[1]))
+    _note(fault, still - start, metres)
+    assert still - start < GUARD
+    return still
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium on this machine")
+def test_the_arm_comes_to_rest_when_its_page_is_killed(tmp_path: Path) -> None:
+    import page_person as teaching  # only who has a browser needs it
+
+    params = str(with_hardware_times(tmp_path))
+    with (
+        teaching.workplace(tmp_path, next_domain(), 1.0, params=params) as place,
+        GraphProbe(place.domain) as probe,
+    ):
+        probe.wait_ready(90.0, lambda: True)
+        person = teaching.Person(place.browser, place.app.address)
+        person.open_data_set(teaching.DATA_SET)
+        teaching.lay_out(person, place.client, seed=3000)
+        person.say(teaching.SENTENCE)
+        person.draw_a_step()
+        person.begin()
+        probe.wait_moving(40.0)
+        time.sleep(0.25)
+        before, start = probe.positions(JOINTS), time.monotonic()
+        place.app.end(signal.SIGKILL)
+        _rests(probe, "page killed", start, before)
 
 
 def test_a_goal_that_was_stopped_does_not_go_on_after_a_resume(moving: tuple[GraphProcess, GraphProbe]) -> None:
