@@ -30,12 +30,12 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Begin with the tests across packages, which take longest; try again once what leans on other processes.
+    """Begin with the tests across packages, which take longest; try again twice what leans on other processes.
 
     Middleware and browsers answer late on a machine that is busy with something else. The summary names what was tried
     again.
     """
     for item in items:
         if PROCESSES & vars(getattr(item, "module", None) or object).keys():
-            item.add_marker(pytest.mark.flaky(reruns=1))
+            item.add_marker(pytest.mark.flaky(reruns=2))
     items.sort(key=lambda item: GRAPH_TESTS not in item.path.parents)
