@@ -14,6 +14,7 @@ from cliport_benchmark import bench, bench_page
 from cliport_benchmark.bench_planning import clutter_queries, search_times
 from cliport_benchmark.errors import BenchmarkError
 from panda_executor.config import SearchAlgorithm
+from panda_executor.model import PandaModel
 
 
 def test_rows_that_were_measured_are_written(
@@ -58,6 +59,13 @@ def test_an_interrupt_writes_what_was_measured(
     assert bench.main(["--out", str(out)]) == 130
     assert [row["name"] for row in json.loads(out.read_text())["rows"]] == ["half"]
     assert capsys.readouterr().err == "error: interrupted\n"
+
+
+def test_searches_begin_and_end_on_either_side_over_the_table() -> None:
+    ((_, start, goal),) = clutter_queries(1)
+    right, left = (PandaModel().tcp_arrays(joints)[1] for joints in (start, goal))
+    assert -0.35 <= right[1] <= -0.25 and 0.25 <= left[1] <= 0.35
+    assert all(0.4 <= point[0] <= 0.6 and 0.1 <= point[2] <= 0.18 for point in (right, left))
 
 
 @pytest.mark.parametrize("algorithm", list(SearchAlgorithm))

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import os
+import threading
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+from websockets.exceptions import ConnectionClosedOK
 
 from cliport_benchmark import bench, bench_generation, bench_page, bench_perception, bench_planning
 from cliport_benchmark.errors import BenchmarkError
@@ -188,3 +191,41 @@ def test_the_first_five_pictures_are_not_counted(monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr(bench_page, "HTTPConnection", Pictures(640))
     with pytest.raises(BenchmarkError, match="is not 960 pixels wide: the link is too slow for it"):
         list(bench_page._pictures(SimpleNamespace(port=7), 3))  # type: ignore[arg-type]
+
+
+def test_what_the_server_pushes_is_read_while_the_context_lasts() -> None:
+    read, wanted, closed = threading.Event(), threading.Event(), threading.Event()
+
+    class Session:
+        def __iter__(self) -> Iterator[str]:
+            yield "news"
+            read.set()
+            wanted.wait(10.0)
+            raise ConnectionClosedOK(None, None)
+
+        def close(self) -> None:
+            closed.set()
+            wanted.set()
+
+    with bench_page._drained(Session()):  # type: ignore[arg-type]
+        assert read.wait(10.0) and not closed.is_set()
+    assert closed.is_set()
+
+
+@pytest.mark.parametrize(("given", "seen"), [(None, "7"), (33, "33")])
+def test_a_page_is_started_in_its_domain(given: int | None, seen: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    started: list[tuple[list[str], dict[str, str]]] = []
+
+    def start(command: list[str], env: dict[str, str], **_: object) -> SimpleNamespace:
+        started.append((command, env))
+        line = "Open http://127.0.0.1:8123/ in a browser; Ctrl+C ends this.\n"
+        return SimpleNamespace(stdout=SimpleNamespace(readline=lambda: line))
+
+    monkeypatch.setenv("ROS_DOMAIN_ID", "7")
+    monkeypatch.setattr("cliport_benchmark.page_process.subprocess.Popen", start)
+    monkeypatch.setattr("cliport_benchmark.page_process.select.select", lambda *_: ([1], [], []))
+    page = PageProcess(Path("sets"), given, 8123)
+    ((command, environment),) = started
+    assert command[-4:] == ["--port", "8123", "--data-sets", "sets"]
+    assert environment["ROS_DOMAIN_ID"] == seen and environment["ROS_AUTOMATIC_DISCOVERY_RANGE"] == "LOCALHOST"
+    assert (page.address, page.port) == ("http://127.0.0.1:8123", 8123)

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from cliport_benchmark import film
+from cliport_benchmark import film, gallery_cli
 from cliport_benchmark.contact_sheet import Captioned, contact_sheet, wrapped
+from cliport_benchmark.errors import DataFolderError
 from cliport_benchmark.gallery_cli import main
 from cliport_benchmark.task_names import task_names
 from sim_bridge.tasks import DEMO_TASKS, LANGUAGE_SPLITS
@@ -63,3 +64,12 @@ def test_bad_input_is_one_clear_line(
     assert main(["--tasks", BOWLS, "--out", str(tmp_path / "s.png"), *extra]) == 1
     error = capsys.readouterr().err
     assert error.startswith("error: ") and message in error and error.count("\n") == 1
+
+
+def test_the_folder_of_videos_is_made_with_those_above_it(tmp_path: Path) -> None:
+    for _ in range(2):
+        gallery_cli._make_folder(tmp_path / "one" / "two")
+    assert (tmp_path / "one" / "two").is_dir()
+    (tmp_path / "file").write_text("")
+    with pytest.raises(DataFolderError, match=r"cannot make the folder .*/file/two: Not a directory"):
+        gallery_cli._make_folder(tmp_path / "file" / "two")

@@ -207,6 +207,15 @@ def test_both_modes_begin_alike_and_place_alike(tmp_path: Path, monkeypatch: pyt
     assert abs(np.mean(errors[Mode.FAST]) - np.mean(errors[Mode.PHYSICS])) < 0.0015
 
 
+def test_each_part_is_told_of_with_how_many_are_left(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    reports = [PartReport(index, 1, 1, 0) for index in range(3)]
+    monkeypatch.setattr(module, "run_parallel", lambda *_: (item for item in enumerate(reports)))
+    told: list[tuple[PartReport, int]] = []
+    config = GenerateConfig(TASK, "train", 0, 3, episodes_per_part=1)
+    generate(config, tmp_path / "set", 1, {}, lambda report, left: told.append((report, left)))
+    assert told == list(zip(reports, (2, 1, 0), strict=True))
+
+
 def test_complete_parts_are_kept_and_other_settings_refused(tmp_path: Path) -> None:
     config = replace(CONFIG, episodes=2, episodes_per_part=1)
     reports: list[tuple[PartReport, int]] = []

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +23,7 @@ VARIED = {"randomize": None, "mounting_error": None}
     ("parser", "given", "options"),
     [
         (
-            evaluate_cli._parser(),
+            evaluate_cli._parser,
             ["--checkpoint", "expert", "--task", TASK, "--out", "r.json"],
             {
                 "checkpoint": "expert",
@@ -42,7 +43,7 @@ VARIED = {"randomize": None, "mounting_error": None}
             },
         ),
         (
-            evaluate_graph._parser(),
+            evaluate_graph._parser,
             ["--out", "r.json"],
             {
                 "checkpoint": "default",
@@ -55,7 +56,7 @@ VARIED = {"randomize": None, "mounting_error": None}
             },
         ),
         (
-            generate_cli._parser(),
+            generate_cli._parser,
             ["--task", TASK, "--episodes", "5", "--out", "data"],
             {
                 "task": TASK,
@@ -72,7 +73,7 @@ VARIED = {"randomize": None, "mounting_error": None}
             },
         ),
         (
-            record_cli._parser(),
+            record_cli._parser,
             ["--task", TASK, "--episodes", "5", "--out", "data"],
             {
                 "task": TASK,
@@ -86,17 +87,17 @@ VARIED = {"randomize": None, "mounting_error": None}
             },
         ),
         (
-            gallery_cli._parser(),
+            gallery_cli._parser,
             [],
             {"out": Path("docs/benchmark.png"), "videos": None, "tasks": "all", "split": "test", "seed": 0},
         ),
         (
-            demo._parser(),
+            demo._parser,
             [],
             {"task": TASK, "seed": 3, "instruction": "", "checkpoint": "default", "out": "out/demo"},
         ),
         (
-            experiment_cli._parser(),
+            experiment_cli._parser,
             ["--task", TASK, "--out", "all"],
             {
                 "task": TASK,
@@ -121,8 +122,10 @@ VARIED = {"randomize": None, "mounting_error": None}
         ),
     ],
 )
-def test_options_that_are_not_given(parser: argparse.ArgumentParser, given: list[str], options: dict[str, Any]) -> None:
-    assert vars(parser.parse_args(given)) == options
+def test_options_that_are_not_given(
+    parser: Callable[[], argparse.ArgumentParser], given: list[str], options: dict[str, Any]
+) -> None:
+    assert vars(parser().parse_args(given)) == options
 
 
 def test_options_without_a_value_mean_all() -> None:

@@ -11,6 +11,7 @@ import pytest
 
 from cliport_benchmark.errors import BenchmarkError
 from cliport_benchmark.parallel import run_parallel
+from cliport_benchmark.with_parent import command_with_parent
 
 SCRIPT = """
 import os, sys, time
@@ -56,6 +57,11 @@ assert sys.argv[1:] == ["a word"] and __name__ == "__main__"
 os.write(1, f"{os.getpid()}\\n".encode())  # as a whole: two of them write to one pipe
 time.sleep(60)
 """
+
+
+def test_a_command_ends_as_its_module_does() -> None:
+    assert subprocess.run(command_with_parent("colorsys", []), check=False, timeout=120).returncode == 0
+    assert subprocess.run(command_with_parent("json.tool", ["/nowhere"]), check=False, timeout=120).returncode != 0
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
