@@ -27,6 +27,7 @@ setup(
             "explain = cliport_policy.explain:main",
             "fit_color_words = cliport_policy.color_words:main",
             "learn = cliport_policy.learn:main",
+            "lerobot = cliport_policy.lerobot:main",
             "offline = cliport_policy.offline:main",
             "reliability = cliport_policy.reliability:main",
             "server = cliport_policy.node:main",

@@ -4,11 +4,8 @@ from __future__ import annotations
 
 import json
 import math
-import os
-import shutil
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -19,6 +16,7 @@ from cliport_episodes.capture_setup import CaptureSetup
 from cliport_episodes.demonstration import StepRecord
 from cliport_episodes.reader import Episode, Step, read_episode
 from cliport_policy.data.dataset_format import FORMAT_VERSION, HEIGHT_UNIT, META_NAME, Demo, Row, part_path, write_part
+from cliport_policy.data.new_folder import whole_folder
 from cliport_policy.errors import DataError
 
 TASK = "demonstrations"
@@ -75,10 +73,8 @@ def make_data_set(
     same bytes. Raises DataError where nothing is left to learn from, set-ups differ or `out` can't be written, and
     EpisodesError where an episode can't be read.
     """
-    if out.exists() and not (out.is_dir() and not any(out.iterdir())):
-        raise DataError(f"{out} exists: give another --out")
     tally, first = Tally(), _First()
-    with _whole_folder(out) as temporary:
+    with whole_folder(out) as temporary:
         rows: list[Row] = []
         parts = 0
         names: list[str] = []
@@ -192,17 +188,3 @@ def _write_meta(folder: Path, first: _First, names: list[str], tally: Tally) -> 
         "counts": tally.to_dict(),
     }
     (folder / META_NAME).write_text(json.dumps(meta, indent=2) + "\n")
-
-
-@contextmanager
-def _whole_folder(out: Path) -> Iterator[Path]:
-    """Yield a temporary folder beside `out` that takes its place when all went well. Raises DataError if not."""
-    temporary = out.with_name(f".{out.name}.{os.getpid()}.tmp")
-    try:
-        temporary.mkdir(parents=True)
-        yield temporary
-        os.replace(temporary, out)
-    except OSError as error:
-        raise DataError(f"cannot write {out}: {error.strerror or error}") from error
-    finally:
-        shutil.rmtree(temporary, ignore_errors=True)
