@@ -23,7 +23,7 @@ from sim_bridge.scene import LARGEST_SEED, Stream, scene_rng
 from sim_bridge.task_mechanics.folding import _caught, next_fold
 from sim_bridge.task_mechanics.goal import LATTICE, lattice
 from sim_bridge.task_mechanics.object_at import object_at
-from sim_bridge.task_mechanics.placing import _points_within, border_distance, distance_to_things, outline
+from sim_bridge.task_mechanics.placing import _box, _points_within, border_distance, distance_to_things, outline
 from sim_bridge.task_mechanics.task import Split
 
 
@@ -75,6 +75,18 @@ def test_the_distance_to_things_as_they_lie() -> None:
     for x, y, away in ((0.2, 0.1, 0.0), (0.2, 0.14, 0.0), (0.3, 0.1, 0.08), (0.2, 0.25, 0.1), (0.25, 0.19, 0.05)):
         assert distance[spec.xy_to_pixel(x, y)] == pytest.approx(away, abs=0.003)
     assert np.isinf(distance_to_things(world, [])).all()  # type: ignore[arg-type]
+
+
+def test_a_box_around_a_thing_has_points_on_its_sides() -> None:
+    vertices = np.array([(-0.03, -0.01, 0.0), (0.03, 0.01, 0.02), (0.0, 0.0, 0.05)])
+    thing = SimpleNamespace(mesh=SimpleNamespace(vertices=vertices))
+    world = SimpleNamespace(object_pose=lambda _: Pose.from_xyz_rpy((0.4, 0.1, 0.0), (0.0, 0.0, math.pi / 2)))
+    points = _box(world, thing)  # type: ignore[arg-type]
+    across, along = np.abs(points.T)
+    assert len(points) == 12 and across.max() == pytest.approx(0.01) and along.max() == pytest.approx(0.03)
+    assert (np.isclose(across, 0.01) | np.isclose(along, 0.03)).all(), "each lies on a side"
+    found = {(round(float(a), 3), round(float(b), 3)) for a, b in zip(across, along, strict=True)}
+    assert found == {(0.01, 0.03), (0.01, 0.01), (0.003, 0.03)}
 
 
 def test_points_on_and_in_an_outline_are_two_centimetres_apart() -> None:

@@ -2,10 +2,14 @@
 
 import threading
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
+from cliport_core.pose import Pose
 from sim_bridge.errors import SimulationError
+from sim_bridge.node_parameters import SimParameters
+from sim_bridge.node_state import StatePublisher
 from sim_bridge.pacing import RealTimePacer
 from sim_bridge.sim_loop import SimLoop
 
@@ -39,6 +43,15 @@ def test_a_call_that_takes_too_long_is_said_to_go_on() -> None:
     may_end.set()
     assert ended.wait(10.0)
     loop.stop()
+
+
+def test_clock_and_joints_are_said_at_their_own_rates() -> None:
+    periods: dict[str, float] = {}
+    loop: Any = SimpleNamespace(every=lambda period, call: periods.update({call.__name__: period}))
+    node: Any = SimpleNamespace(create_publisher=lambda *_: SimpleNamespace(publish=lambda _: None))
+    camera: Any = SimpleNamespace(camera_in_base=Pose.from_xyz_rpy((0.4, 0.0, 1.0), (0.0, 0.0, 0.0)))
+    StatePublisher(node, loop, camera, SimParameters(clock_rate=100.0, joint_state_rate=40.0))
+    assert periods == {"_publish_clock": 0.01, "_publish_joints": 0.025}
 
 
 def test_a_loop_that_has_ended_says_so() -> None:
