@@ -101,13 +101,13 @@ class Library:
     def _delete(self, arguments: Mapping[str, Any]) -> dict[str, Any]:
         name = text_of(arguments, "name")
         self._open().delete(name)
-        self._recorder.count_recorded()
+        self._recorder.look_over()
         return {"words": f"episode {name} is in the trash"}
 
     def _restore(self, arguments: Mapping[str, Any]) -> dict[str, Any]:
         name = text_of(arguments, "name")
         self._open().restore(name)
-        self._recorder.count_recorded()
+        self._recorder.look_over()
         return {"words": f"episode {name} is back"}
 
     def _trash(self, _: Mapping[str, Any]) -> dict[str, Any]:
@@ -124,7 +124,7 @@ class Library:
         """Merge another data set of the same folder into the open one."""
         data_set, name = self._open(), text_of(arguments, "other")
         merged = data_set.merge(self._root / check_name("data set", name))
-        self._recorder.count_recorded()
+        self._recorder.look_over()
         return {"words": merged.words(name)}
 
     def _split(self, arguments: Mapping[str, Any]) -> dict[str, Any]:

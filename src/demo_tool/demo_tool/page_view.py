@@ -62,6 +62,7 @@ class PageView:
             "away": self._work.recovery.is_needed,
             "data_set": self._recorder.data_set_name,
             "recorded": self._recorder.recorded,
+            "covered": self._recorder.covered,
             "episode": self._recorder.episode,
             "verdict": self._page.verdict,
             "unsaved": unsaved.words if unsaved is not None else None,

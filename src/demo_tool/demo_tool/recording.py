@@ -10,7 +10,7 @@ from typing import Any
 
 from cliport_episodes.capture_setup import CaptureSetup
 from cliport_episodes.data_set import DataSet
-from cliport_episodes.demonstration import NOT_MOVED, StepRecord
+from cliport_episodes.demonstration import NOT_MOVED, PixelBox, StepRecord
 from cliport_episodes.episode_folder import EPISODES
 from cliport_episodes.errors import EpisodeError, SetupDiffersError
 from cliport_episodes.names import check_name
@@ -21,6 +21,7 @@ from demo_tool.errors import NotNowError, StationError
 from demo_tool.wording import outcome_words
 
 _HISTORY = 20  # recent instructions that are kept
+_COVERED = 500  # latest steps whose places are shown
 
 
 class Recorder:
@@ -42,6 +43,7 @@ class Recorder:
         self.data_set_name: str | None = None
         self.data_set_names: tuple[str, ...] = ()
         self.recorded = 0
+        self.covered: dict[str, list[list[int]]] = {"pick": [], "place": []}
         self.episode: dict[str, Any] | None = None
         self.last_episode: str | None = None
         self.history: tuple[str, ...] = ()
@@ -74,7 +76,7 @@ class Recorder:
             if writer is not self._writer:
                 self._forget_episode()
             self.data_set, self.data_set_name = data_set, name
-            self.recorded = sum(info.finished for info in infos)
+            self._look_over(infos)
             self._writer, self._steps = writer, steps
             self._update_episode()
             for text in (text for info in infos for text in info.instructions):
@@ -150,7 +152,7 @@ class Recorder:
             writer.finish(messages, success)
             self.last_episode = str(writer.name)
             self._forget_episode()
-            self.count_recorded()
+            self.look_over()
             return self.last_episode
 
     def discard(self) -> str:
@@ -192,6 +194,15 @@ class Recorder:
         with self._lock:
             self._forget_episode()
 
+    def _look_over(self, infos: Sequence[EpisodeInfo]) -> None:
+        finished = [info for info in infos if info.finished]
+        self.recorded = len(finished)
+        records = [record for info in finished for record in info.records][-_COVERED:]
+        self.covered = {
+            "pick": [_middle(record.pick_box) for record in records if record.pick_box is not None],
+            "place": [_middle(record.place_box) for record in records if record.place_box is not None],
+        }
+
     def _writer_with_steps(self) -> EpisodeWriter:
         writer = self._open_writer("end")
         if writer.n_steps == 0:
@@ -232,16 +243,21 @@ class Recorder:
             restorable = self._writer.restorable()
             self.episode = {"name": str(self._writer.name), "steps": list(self._steps), "restorable": restorable}
 
-    def count_recorded(self) -> None:
-        """Update the number of the data set's finished episodes."""
+    def look_over(self) -> None:
+        """Update what is said of the data set's finished episodes: how many there are, and where their steps were."""
         with self._lock:
             if self.data_set is not None:
-                self.recorded = sum(info.finished for info in self.data_set.episodes())
+                self._look_over(self.data_set.episodes())
 
     def list_data_sets(self) -> None:
         """Update the names of the data sets, without hidden ones, which are incomplete."""
         found = {path.parent.name for part in ("dataset.yaml", EPISODES) for path in self._root.glob(f"*/{part}")}
         self.data_set_names = tuple(name for name in sorted(found) if not name.startswith("."))
+
+
+def _middle(box: PixelBox) -> list[int]:
+    """Return row and column of a box's middle."""
+    return [(box.top + box.bottom) // 2, (box.left + box.right) // 2]
 
 
 def step_shown(record: StepRecord) -> dict[str, Any]:

@@ -201,6 +201,10 @@ def test_letters_press_the_buttons_that_name_them(person: Person) -> None:
     person.page.locator("#next-episode:not([disabled])").wait_for()
     person.press("n")
     person.page.locator("#recorded", has_text="1 of 50 episodes").wait_for()
+    assert person.page.locator("#covered").is_hidden()
+    person.click("#show-covered")
+    person.page.locator("#covered circle").first.wait_for()
+    assert person.page.locator("#covered circle").count() == 2
     named = person.page.eval_on_selector_all(
         "#record [aria-keyshortcuts]", "all => all.map((one) => one.ariaKeyShortcuts)"
     )

@@ -154,8 +154,13 @@ def test_finished_episodes_are_counted(bench) -> None:
         bench.rest()
         bench.do("end_episode")
         assert bench.view["recorded"] == count
+    pick, place = bench.view["covered"]["pick"], bench.view["covered"]["place"]
+    assert len(pick) == len(place) == 2 and pick[0] == pick[1] != place[0]
+    top, left, bottom, right = bench.table.box_around(BLOCKS[0])
+    assert pick[0] == [(top + bottom) // 2, (left + right) // 2]
     first = bench.do("episodes")["episodes"][0]["name"]
     bench.do("delete", name=first)
+    assert len(bench.view["covered"]["pick"]) == 1
     assert bench.view["recorded"] == 1
     bench.do("restore", name=first)
     assert bench.view["recorded"] == 2

@@ -2,6 +2,7 @@
 
 import { ApprovalBar } from "./approval.js";
 import { Connection } from "./connection.js";
+import { CoveredPlaces } from "./covered.js";
 import { BUSY } from "./end_cards.js";
 import { Episodes } from "./episodes.js";
 import { LivePicture } from "./live.js";
@@ -46,6 +47,7 @@ const call = (command, ...args) => connection.call(command, ...args);
 const stage = new Stage(byId("overlay", SVGSVGElement), (end, drawn) => call(end, drawn).catch(tell));
 const panel = new Panel(call, stage);
 const episodes = new Episodes(call);
+const covered = new CoveredPlaces();
 const approvalBar = new ApprovalBar((plan) => call("approve", { plan }).catch(tell));
 
 /** @param {{ state: keyof typeof STATES, words: string }} view */
@@ -89,6 +91,7 @@ function show(view) {
   stage.enabled = connection.open && view.holder === "me" && !BUSY.includes(view.state);
   stage.take(view.draft, view.camera, view.n_rotations);
   panel.show(view, connection.open);
+  covered.show(view.covered, view.camera);
   episodes.show(view, connection.open);
 }
 

@@ -93,6 +93,12 @@ export interface Lesson {
   policy: string | null;
 }
 
+/** Where the steps of finished episodes were: the middles of their boxes. */
+export interface Covered {
+  pick: Pixel[];
+  place: Pixel[];
+}
+
 export interface Camera {
   width: number;
   height: number;
@@ -120,6 +126,7 @@ export interface View {
   data_set: string | null;
   /** The finished episodes of the open data set. */
   recorded: number;
+  covered: Covered;
   episode: OpenEpisode | null;
   verdict: boolean | null;
   /** How the step ended that moved the arm and could not be saved. */
