@@ -147,6 +147,19 @@ def test_a_finished_episode_says_how_it_ended(writer: EpisodeWriter, scene: Scen
         writer.add_step(scene(2), record)
 
 
+def test_an_episode_that_ends_anew_keeps_no_final_scene_of_before(
+    writer: EpisodeWriter, scene: Scene, record: StepRecord
+) -> None:
+    writer.add_step(scene(0), record)
+    writer.finish(scene(1), True)
+    again = EpisodeWriter.resume(writer.path)
+    again.finish((), False)
+    episode = read_episode(writer.path)
+    assert (episode.success, episode.finished, episode.final, episode.complaints) == (False, True, None, ())
+    with pytest.raises(EpisodeError, match="was ended"):
+        again.finish((), True)
+
+
 def test_an_interrupted_episode_goes_on(writer: EpisodeWriter, scene: Scene, record: StepRecord) -> None:
     writer.add_step(scene(0), record)
     writer.close()
