@@ -45,7 +45,7 @@ def main(argv: list[str] | None = None) -> int:
         print(f"error: {error}", file=sys.stderr)
         return 1
     servers: list[WebServer] = []
-    lessons = LessonProcess(options.learned)
+    lessons = LessonProcess(options.learned or root.parent / "learned")
 
     def make_node(fail: Callable[[BaseException], None]) -> RosLink:
         link = RosLink()
@@ -71,7 +71,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--host", default="127.0.0.1", help="address to listen on; other than loopback asks a token")
     parser.add_argument("--port", type=int, default=8080, help="0 takes a free one")
     parser.add_argument("--data-sets", type=Path, default=Path("demonstrations"), help="folder of the data sets")
-    parser.add_argument("--learned", type=Path, default=Path("learned"), help="folder for policies that learn of them")
+    parser.add_argument("--learned", type=Path, help="folder for policies that learn (default: learned, beside)")
     parser.add_argument("--token", help=argparse.SUPPRESS)
     parser.add_argument("--token-file", type=Path, help="holds what a browser must show once; made where there is none")
     parser.add_argument("--ask-token", action="store_true", help="ask a token on loopback too: others use this machine")

@@ -112,6 +112,7 @@ def test_the_options_defaults() -> None:
         "host": "127.0.0.1",
         "port": 8080,
         "data_sets": Path("demonstrations"),
+        "learned": None,
         "token": None,
         "token_file": None,
         "ask_token": False,

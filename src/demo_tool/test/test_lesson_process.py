@@ -23,8 +23,8 @@ with open(given["--report"], "w") as file:
 """
 WAITS = """
 import time
-print("begun", flush=True)
 try:
+    print("begun", flush=True)
     time.sleep(60)
 except KeyboardInterrupt:
     print("saved", flush=True)

@@ -30,6 +30,8 @@ def test_the_view_before_anything_has_come(bench) -> None:
         "approval": None,
         "away": False,
         "data_set": None,
+        "recorded": 0,
+        "covered": {"pick": [], "place": []},
         "episode": None,
         "verdict": None,
         "unsaved": None,
@@ -39,6 +41,7 @@ def test_the_view_before_anything_has_come(bench) -> None:
         "holder": None,
         "last": {"ok": True, "words": ""},
         "scenes": True,
+        "lesson": {"state": "none", "data_set": "", "words": "", "share": None, "table": [], "policy": None},
     }
 
 
