@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import platform
 import threading
 import time
 from collections.abc import Iterator
@@ -17,6 +18,7 @@ from websockets.exceptions import ConnectionClosedOK
 from cliport_benchmark import bench, bench_generation, bench_page, bench_perception, bench_planning
 from cliport_benchmark.errors import BenchmarkError
 from cliport_benchmark.page_process import PageProcess
+from cliport_benchmark.provenance import machine
 from cliport_core import WorkspaceSpec
 from cliport_core.image_files import encode_jpeg
 from panda_executor.config import SearchAlgorithm
@@ -229,3 +231,8 @@ def test_a_page_is_started_in_its_domain(given: int | None, seen: str, monkeypat
     assert command[-4:] == ["--port", "8123", "--data-sets", "sets"]
     assert environment["ROS_DOMAIN_ID"] == seen and environment["ROS_AUTOMATIC_DISCOVERY_RANGE"] == "LOCALHOST"
     assert (page.address, page.port) == ("http://127.0.0.1:8123", 8123)
+
+
+def test_a_machine_is_described() -> None:
+    found = machine()
+    assert found["python"] == platform.python_version() and found["cores"] == os.cpu_count()

@@ -40,6 +40,17 @@ def test_finished_scenes_are_not_run_again(out: Path, capsys: pytest.CaptureFixt
     assert list(Journal(out, settings).outcomes.values()) == SCENES
 
 
+def test_a_line_that_a_kill_cut_off_is_forgotten(tmp_path: Path) -> None:
+    journal = Journal(tmp_path / "results.json", {"seeds": 3})
+    journal.add(SCENES[0])
+    written = journal.path.read_bytes()
+    journal.path.write_bytes(written + b'{"seed": 2, "rea')
+    again = Journal(tmp_path / "results.json", {"seeds": 3})
+    again.add(SCENES[1])
+    assert again.path.read_bytes().startswith(written) and len(again.path.read_bytes().splitlines()) == 3
+    assert list(Journal(tmp_path / "results.json", {"seeds": 3}).outcomes.values()) == SCENES
+
+
 @pytest.mark.parametrize(
     ("options", "words"),
     [

@@ -149,6 +149,7 @@ def test_a_line_of_the_experiments_table() -> None:
     )
     assert lines[3] == f"| {UNSEEN} | mine | 7 |  |  | 20.0 | 1 | 1.0 |  | 500 |  |"
     assert replace(score, comparable=False).paper_test is None and replace(score, own_task=UNSEEN).paper_val is None
+    assert replace(score, own_task="a task before it").paper_val is None
 
 
 def test_a_network_has_the_name_of_its_first_table() -> None:
