@@ -113,11 +113,10 @@ class TeachNow:
 
     def _on_end(self, status: int, report: dict[str, Any] | None) -> None:
         name = self.lesson.data_set
+        learned = _learned(name, report) if status == 0 and report is not None else None
         with self._bulletin.lock:
-            if report is not None and status == 0:
-                table = tuple((str(row[0]), str(row[1]), str(row[2])) for row in report["table"])
-                words = f"{len(report['learned'])} episodes learned, {len(report['held_out'])} held out"
-                self.lesson = Lesson("learned", name, words, 1.0, table, str(report["policy"]))
+            if learned is not None:
+                self.lesson = learned
                 self._bulletin.say(f"the data set {name} is learned: look at it before and after, then use it")
             elif self._stopped:
                 self.lesson = replace(self.lesson, state="stopped", words="stopped; begun again, it goes on")
@@ -126,3 +125,13 @@ class TeachNow:
                 words = self._error or f"it ended with status {status}: {self.lesson.words}"
                 self.lesson = replace(self.lesson, state="failed", words=words)
                 self._bulletin.refuse(f"nothing was learned: {words}")
+
+
+def _learned(data_set: str, report: dict[str, Any]) -> Lesson | None:
+    """Return the lesson that a report of `learn` describes, None where it is none."""
+    try:
+        table = tuple((str(what), str(before), str(after)) for what, before, after in report["table"])
+        words = f"{len(report['learned'])} episodes learned, {len(report['held_out'])} held out"
+        return Lesson("learned", data_set, words, 1.0, table, str(report["policy"]))
+    except (KeyError, TypeError, ValueError):
+        return None

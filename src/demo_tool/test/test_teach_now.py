@@ -90,9 +90,13 @@ def test_why_nothing_was_learned_is_one_line(bench) -> None:
     lessons.on_line("Killed")
     lessons.on_end(-9, None)
     assert lesson(bench)["words"] == "it ended with status -9: Killed"
+    bench.do("teach")
+    lessons.on_line("done")
+    lessons.on_end(0, {**REPORT, "table": [["too", "short"]]})
+    assert lesson(bench)["words"] == "it ended with status 0: done"
     lessons.fault = "learning cannot be started: No such file or directory"
     assert lessons.fault in bench.refused("teach")
-    assert lesson(bench)["words"] == "it ended with status -9: Killed"
+    assert lesson(bench)["words"] == "it ended with status 0: done"
 
 
 def test_nothing_is_learned_of_nothing(bench) -> None:
