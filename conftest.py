@@ -25,8 +25,8 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: object) -> FilesToge
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
     """Say why a test was tried again, in a line each."""
     for report in terminalreporter.getreports("rerun"):
-        words = getattr(getattr(report.longrepr, "reprcrash", None), "message", report.longrepr)
-        terminalreporter.write_line(f"tried again: {report.nodeid}: {str(words).splitlines()[0]}")
+        words = str(getattr(getattr(report.longrepr, "reprcrash", None), "message", report.longrepr))
+        terminalreporter.write_line(f"tried again: {report.nodeid}: {words.partition(chr(10))[0]}")
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

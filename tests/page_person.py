@@ -244,8 +244,8 @@ class Workplace:
 @contextmanager
 def workplace(root: Path, domain: int, speed: float, **more: str) -> Iterator[Workplace]:
     """A workplace for as long as the context lasts; more: arguments of sim.launch.yaml."""
-    arguments = {"task": TASK, "split": "test", "seed": "1", "real_time_factor": str(speed), "require_approval": "true"}
-    arguments.update(more)
+    scene = {"task": TASK, "split": "test", "seed": "1", "real_time_factor": str(speed)}
+    arguments = {**scene, "require_approval": "true", **more}
     with (
         GraphProcess("sim.launch.yaml", arguments, root / "graph.log", {"ROS_DOMAIN_ID": str(domain)}) as graph,
         GraphClient(domain_id=domain) as client,

@@ -108,7 +108,9 @@ def test_the_arm_comes_to_rest_when_its_page_is_killed(tmp_path: Path) -> None:
         time.sleep(0.25)
         before, start = probe.positions(JOINTS), time.monotonic()
         place.app.end(signal.SIGKILL)
-        _rests(probe, "page killed", start, before)
+        still = _rests(probe, "page killed", start, before)
+        time.sleep(0.5)
+        assert probe.fastest(still + 0.05) < STILL, "the arm went on"
 
 
 def test_a_goal_that_was_stopped_does_not_go_on_after_a_resume(moving: tuple[GraphProcess, GraphProbe]) -> None:

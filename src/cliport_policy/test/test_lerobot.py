@@ -15,6 +15,7 @@ import pytest
 from cliport_core.action import Primitive
 from cliport_core.image_files import decode_color_file
 from cliport_episodes.data_set import DataSet
+from cliport_episodes.reader import Step
 from cliport_policy.data import lerobot_format as form
 from cliport_policy.data import to_lerobot
 from cliport_policy.lerobot import main
@@ -124,6 +125,24 @@ def test_a_sentence_that_was_edited_there_counts(written: Path, tmp_path: Path) 
     assert [record.instruction for record in records] == ["put it there", "sweep", "put it there"]
 
 
+@pytest.mark.parametrize(
+    ("first", "second", "well"), [({"a": 0.1, "b": 0.2}, {"b": 0.3, "a": 0.4}, True), ({"a": 0.1}, {}, False)]
+)
+def test_joints_have_one_order_and_none_is_made_up(
+    recorded: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
+    first: dict[str, float], second: dict[str, float], well: bool,
+) -> None:  # fmt: skip
+    joints = iter([first, second, first, second, first])
+    read = Step.observation
+    monkeypatch.setattr(Step, "observation", lambda step: replace(read(step), joint_positions=next(joints)))
+    assert main(["--from-bags", str(recorded), "--out", str(tmp_path / "out")]) == (0 if well else 1)
+    if well:
+        states = pq.read_table(tmp_path / "out" / form.DATA.format(0))[form.STATE].to_pylist()
+        np.testing.assert_allclose(states[:2], [[0.1, 0.2], [0.4, 0.3]], rtol=1e-6)
+    else:
+        assert "episode first has the joints none, those before it a: " in capsys.readouterr().err
+
+
 def _lose(path: str) -> Callable[[Path], None]:
     return lambda folder: (folder / path).unlink()
 
@@ -142,7 +161,9 @@ def _break(folder: Path) -> None:
     [
         (_lose(form.INFO), "is no data set of LeRobot: it has no meta/info.json"),
         (_lose(form.SETUP), "only what was written here knows camera, depth and boxes"),
-        (_lose(form.TASKS), "tasks.parquet"),
+        (_lose(form.TASKS), "lerobot cannot be read: "),
+        (_lose(form.DATA.format(0)), "the files of data end before episode 0"),
+        (_lose(form.STEPS), "steps.parquet"),
         (_forget_a_row, "episode first has 1 rows in data and 2 in cliport/steps.parquet"),
         (_break, "cannot be read: "),
         (lambda folder: (folder / form.SETUP).write_text("{}"), "cannot be read: it lacks 'setup'"),

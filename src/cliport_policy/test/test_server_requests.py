@@ -199,6 +199,9 @@ def test_a_stop_while_a_policy_is_loaded_is_still_said() -> None:
     world = World()
     world.server.hold("loading the policy mine")
     world.server.stop(world.now)
+    world.server.resume()
+    assert (world.state, world.message) == (PolicyState.IDLE, "loading the policy mine"), "it is not ready yet"
+    world.server.stop(world.now)
     world.server.release("the policy mine is loaded")
     assert world.message == "the policy mine is loaded; stopped: call /cliport/resume to go on"
     world.say()
@@ -209,7 +212,9 @@ def test_no_policy_is_loaded_before_a_cancelled_motion_has_ended() -> None:
     world = World()
     world.start_moving()
     world.say("")
-    assert not world.server.hold("loading").success
+    assert world.server.hold("loading") == Answer(
+        False, "the motion that was cancelled has not ended yet: try again then"
+    )
     world.end(Outcome.CANCELLED)
     assert world.server.hold("loading").success
 

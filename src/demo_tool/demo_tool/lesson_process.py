@@ -3,24 +3,22 @@
 from __future__ import annotations
 
 import json
+import shutil
 import signal
 import subprocess
 import sys
 import tempfile
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from demo_tool.errors import NotNowError
+from demo_tool.ports import OnLessonEnd, OnLine
 
 LEARN = (sys.executable, "-m", "cliport_policy.learn")
 _NICE = ("nice", "-n", "10")  # the arm and the page come first
 _PATIENCE = 20.0  # in which a stopped training is saved [s]
 _WIDEST = 300  # characters of a line
-
-OnLine = Callable[[str], None]
-OnEnd = Callable[[int, dict[str, Any] | None], None]
 
 
 class LessonProcess:
@@ -35,10 +33,8 @@ class LessonProcess:
         self._process: subprocess.Popen[str] | None = None
         self._reader: threading.Thread | None = None
 
-    def begin(self, data_set: Path, on_line: OnLine, on_end: OnEnd) -> None:
+    def begin(self, data_set: Path, on_line: OnLine, on_end: OnLessonEnd) -> None:
         """Learn from the episodes of a data set's folder; on_line and on_end are called in another thread.
-
-        on_end: told the exit status, and the report of `learn` where it has one.
 
         Raises:
             NotNowError: when the process cannot be started.
@@ -75,7 +71,7 @@ class LessonProcess:
         self._reader.join(_PATIENCE)
 
 
-def _follow(process: subprocess.Popen[str], report: Path, on_line: OnLine, on_end: OnEnd) -> None:
+def _follow(process: subprocess.Popen[str], report: Path, on_line: OnLine, on_end: OnLessonEnd) -> None:
     """Hand on each line, then the end."""
     assert process.stdout is not None
     with process.stdout as lines:
@@ -87,6 +83,5 @@ def _follow(process: subprocess.Popen[str], report: Path, on_line: OnLine, on_en
         found = json.loads(report.read_text(encoding="utf-8"))
     except (OSError, ValueError):
         found = None
-    report.unlink(missing_ok=True)
-    report.parent.rmdir()
+    shutil.rmtree(report.parent, ignore_errors=True)
     on_end(status, found if isinstance(found, dict) else None)

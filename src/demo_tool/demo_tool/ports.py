@@ -12,6 +12,8 @@ from cliport_core.outcome import ActionResult
 OnEnd = Callable[[ActionResult], None]
 OnFailure = Callable[[str], None]  # one line for a person
 OnAnswer = Callable[[bool, str], None]  # True if it is done or begun as asked, and one line for a person
+OnLine = Callable[[str], None]  # one line that a person would read
+OnLessonEnd = Callable[[int, dict[str, Any] | None], None]  # exit status, and the report of `learn` where there is one
 
 ACCEPTED = "ACCEPTED"  # the phase that an arm reports when it has taken a goal
 APPROVAL = "APPROVAL"  # the phase in which a plan waits for a person's approval
@@ -69,14 +71,8 @@ class Scenes(Protocol):
 class Lessons(Protocol):
     """Interface of what learns from episodes. Only `close` waits; the callbacks come from another thread."""
 
-    def begin(
-        self, data_set: Path, on_line: Callable[[str], None], on_end: Callable[[int, dict[str, Any] | None], None]
-    ) -> None:
-        """Learn from the episodes of a data set's folder. Raises NotNowError where that cannot begin.
-
-        on_line: told each line that a person would read; on_end: told the exit status, 0 where all is learned, and the
-        report of `cliport_policy learn` where there is one.
-        """
+    def begin(self, data_set: Path, on_line: OnLine, on_end: OnLessonEnd) -> None:
+        """Learn from the episodes of a data set's folder. Raises NotNowError where that cannot begin."""
 
     def stop(self) -> None:
         """Save what is learned and end; begun again, it goes on."""

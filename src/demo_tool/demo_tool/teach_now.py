@@ -17,7 +17,7 @@ _ERROR = "error: "
 
 
 @dataclass(frozen=True)
-class Lesson:
+class LessonState:
     """State of a lesson, as the page shows it.
 
     state: none, running, stopped, failed or learned; data_set: its name; words: what was said last; share: of the
@@ -51,7 +51,7 @@ class TeachNow:
         self._lessons, self._policy, self._recorder, self._bulletin = lessons, policy, recorder, bulletin
         self._stopped = False
         self._error = ""
-        self.lesson = Lesson()
+        self.lesson = LessonState()
         self.commands: dict[str, Callable[[Mapping[str, Any]], dict[str, Any]]] = {
             "teach": self._teach,
             "stop_teaching": self._stop,
@@ -74,7 +74,7 @@ class TeachNow:
             if self.lesson.state == "running":
                 raise NotNowError(f"the data set {self.lesson.data_set} is being learned: stop that first")
             self._stopped, self._error = False, ""
-            before, self.lesson = self.lesson, Lesson("running", name, "it begins")
+            before, self.lesson = self.lesson, LessonState("running", name, "it begins")
             try:
                 self._lessons.begin(data_set.path, self._on_line, self._on_end)
             except NotNowError:
@@ -127,11 +127,11 @@ class TeachNow:
                 self._bulletin.refuse(f"nothing was learned: {words}")
 
 
-def _learned(data_set: str, report: dict[str, Any]) -> Lesson | None:
+def _learned(data_set: str, report: dict[str, Any]) -> LessonState | None:
     """Return the lesson that a report of `learn` describes, None where it is none."""
     try:
         table = tuple((str(what), str(before), str(after)) for what, before, after in report["table"])
         words = f"{len(report['learned'])} episodes learned, {len(report['held_out'])} held out"
-        return Lesson("learned", data_set, words, 1.0, table, str(report["policy"]))
+        return LessonState("learned", data_set, words, 1.0, table, str(report["policy"]))
     except (KeyError, TypeError, ValueError):
         return None

@@ -9,11 +9,15 @@ pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium on this ma
 TRAINING = "[############------------] 100/200  locator 2.310  31.0 samples/s  4 min left"
 
 
-def test_a_policy_learns_and_is_used(person: Person) -> None:
-    lessons = person.place.lessons
+def record_a_step(person: Person) -> None:
     person.draw_both()
     person.click("#record-only")
     until(lambda: steps(person.place), "recorded")
+
+
+def test_a_policy_learns_and_is_used(person: Person) -> None:
+    lessons = person.place.lessons
+    record_a_step(person)
     person.click("#tab-episodes")
     assert person.page.locator("#teach").is_disabled(), "an episode is being recorded"
     person.click("#tab-record")
@@ -43,9 +47,7 @@ def test_a_policy_learns_and_is_used(person: Person) -> None:
 
 def test_what_is_not_held_out_shows_no_table(person: Person) -> None:
     lessons = person.place.lessons
-    person.draw_both()
-    person.click("#record-only")
-    until(lambda: steps(person.place), "recorded")
+    record_a_step(person)
     person.click("#next-episode")
     person.click("#tab-episodes")
     person.click("#teach")

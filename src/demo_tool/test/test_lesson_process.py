@@ -64,6 +64,14 @@ def test_lines_and_the_report_are_handed_on(tmp_path: Path, monkeypatch: pytest.
     assert not list(tmp_path.glob("lesson-*")), "nothing is left behind"
 
 
+def test_what_a_process_leaves_beside_its_report_is_removed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As a report that was half written when its process was killed."""
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    _, heard = begun(LEARNS + 'open(given["--report"] + ".tmp", "w").close()', tmp_path)
+    assert heard.ended.wait(60)
+    assert heard.ends == [(0, {"policy": f"{tmp_path}/learned/mine"})] and not list(tmp_path.glob("lesson-*"))
+
+
 @pytest.mark.parametrize("script", ["raise SystemExit(1)", LEARNS.replace("json.dump({", "file.write('[]') or ({")])
 def test_without_a_report_there_is_none(script: str, tmp_path: Path) -> None:
     _, heard = begun(script, tmp_path)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
@@ -47,51 +48,67 @@ def read_lerobot(folder: Path, out: Path) -> tuple[int, int]:
         raise DataError(
             f"{folder} lacks {form.SETUP}: only what was written here knows camera, depth and boxes, which bags need"
         )
-    with whole_folder(out) as temporary, _damage(folder):
+    with _damage(folder):
         own = json.loads((folder / form.SETUP).read_text(encoding="utf-8"))
-        setup = CaptureSetup.from_dict(own["setup"])
+        setup, described = CaptureSetup.from_dict(own["setup"]), list(own["episodes"])
         sentences = form.read_tasks(folder / form.TASKS)
-        place = temporary / out.name  # a data set's name must not begin with a dot
-        DataSet.create(place, setup)
-        rows = _by_episode(pq.read_table(path) for path in sorted((folder / "data").glob("*/*.parquet")))
-        scenes = _by_episode([pq.read_table(folder / form.STEPS)])
-        steps = 0
-        for index, described in enumerate(own["episodes"]):
-            steps += _write_episode(place, setup, described, rows[index], scenes[index], sentences)
-        for made in place.iterdir():
+    steps = 0
+    with whole_folder(out) as temporary:
+        data_set = temporary / out.name  # a data set's name must not begin with a dot
+        DataSet.create(data_set, setup)
+        for index, (rows, scenes) in enumerate(_episodes(folder, len(described))):
+            with _damage(folder):
+                episode = _EpisodeRead.of(described[index], rows, scenes, sentences)
+            episode.write(data_set, setup)
+            steps += len(episode.steps)
+        for made in data_set.iterdir():
             made.rename(temporary / made.name)
-        place.rmdir()
-    return len(own["episodes"]), steps
+        data_set.rmdir()
+    return len(described), steps
 
 
-def _write_episode(
-    data_set: Path,
-    setup: CaptureSetup,
-    described: Row,
-    rows: list[Row],
-    scenes: list[Row],
-    sentences: Mapping[int, str],
-) -> int:
-    """Write an episode; return the number of its steps."""
-    rows = sorted(rows, key=lambda row: row["frame_index"])
-    acted = sorted((scene for scene in scenes if scene["step"] != form.FINAL), key=lambda scene: scene["step"])
-    final = next((scene for scene in scenes if scene["step"] == form.FINAL), None)
-    if len(rows) != len(acted):
-        raise DataError(f"episode {described['name']} has {len(rows)} rows in data and {len(acted)} in {form.STEPS}")
-    writer = EpisodeWriter.create(data_set, setup, described["name"])
-    try:
-        for row, scene in zip(rows, acted, strict=True):
-            seen = _observation(scene, row[form.COLOR]["bytes"])
-            record = replace(_record(scene), instruction=sentences[row["task_index"]])
-            writer.add_step(messages_from_observation(seen, setup.camera_frame, setup.base_frame), record)
-        if described["finished"]:
-            shown = () if final is None else messages_from_observation(
-                _observation(final, final["color"]), setup.camera_frame, setup.base_frame
-            )  # fmt: skip
-            writer.finish(shown, described["success"])
-    finally:
-        writer.close()
-    return len(acted)
+@dataclass(frozen=True, eq=False)
+class _EpisodeRead:
+    """An episode as it lies in the files; final: the scene after the last step; success as in `Episode`."""
+
+    name: str
+    success: bool | None
+    finished: bool
+    steps: tuple[tuple[Observation, StepRecord], ...]
+    final: Observation | None
+
+    @classmethod
+    def of(cls, described: Row, rows: list[Row], scenes: list[Row], sentences: Mapping[int, str]) -> _EpisodeRead:
+        """Join the rows of `data` and ours. Raises DataError where they are not of the same steps."""
+        rows = sorted(rows, key=lambda row: row["frame_index"])
+        acted = sorted((scene for scene in scenes if scene["step"] != form.FINAL), key=lambda scene: scene["step"])
+        final = next((scene for scene in scenes if scene["step"] == form.FINAL), None)
+        if len(rows) != len(acted):
+            counts = f"{len(rows)} rows in data and {len(acted)} in {form.STEPS}"
+            raise DataError(f"episode {described['name']} has {counts}")
+        steps = tuple(
+            (
+                _observation(scene, row[form.COLOR]["bytes"]),
+                replace(_record(scene), instruction=sentences[row["task_index"]]),
+            )
+            for row, scene in zip(rows, acted, strict=True)
+        )
+        after = None if final is None else _observation(final, final["color"])
+        return cls(str(described["name"]), described["success"], bool(described["finished"]), steps, after)
+
+    def write(self, data_set: Path, setup: CaptureSetup) -> None:
+        """Add it to a data set. Raises EpisodesError."""
+        frames = setup.camera_frame, setup.base_frame
+        writer = EpisodeWriter.create(data_set, setup, self.name)
+        try:
+            for seen, record in self.steps:
+                writer.add_step(messages_from_observation(seen, *frames), record)
+            if self.finished:
+                writer.finish(
+                    () if self.final is None else messages_from_observation(self.final, *frames), self.success
+                )
+        finally:
+            writer.close()
 
 
 def _record(scene: Row) -> StepRecord:
@@ -108,12 +125,19 @@ def _observation(scene: Row, color: bytes) -> Observation:
     )
 
 
-def _by_episode(tables: Any) -> dict[int, list[Row]]:
-    found: dict[int, list[Row]] = {}
-    for table in tables:
-        for row in table.to_pylist():
-            found.setdefault(row["episode_index"], []).append(row)
-    return found
+def _episodes(folder: Path, count: int) -> Iterator[tuple[list[Row], list[Row]]]:
+    """Yield the rows of `data` and ours of each episode, with the pictures of one file in memory at a time."""
+    with _damage(folder), pq.ParquetFile(folder / form.STEPS) as own:
+        if own.num_row_groups != count:
+            raise DataError(f"{form.STEPS} has {own.num_row_groups} episodes, {form.SETUP} has {count}")
+        waiting = iter(range(count))
+        for path in sorted((folder / "data").glob("*/*.parquet")):
+            for number, rows in groupby(pq.read_table(path).to_pylist(), key=lambda row: row["episode_index"]):
+                if number != next(waiting, None):
+                    raise DataError(f"{path.name} has episode {number} where another one was to come")
+                yield list(rows), own.read_row_group(number).to_pylist()
+        if (missing := next(waiting, None)) is not None:
+            raise DataError(f"the files of data end before episode {missing}")
 
 
 @contextmanager
@@ -121,6 +145,17 @@ def _damage(folder: Path) -> Iterator[None]:
     """Turn what a damaged folder raises into one line."""
     try:
         yield
-    except (CoreError, EpisodesError, KeyError, ValueError, TypeError, AttributeError, pa.ArrowException) as error:
+    except DataError as error:
+        raise DataError(f"{folder} cannot be read: {error}") from error
+    except (
+        CoreError,
+        EpisodesError,
+        OSError,
+        KeyError,
+        ValueError,
+        TypeError,
+        AttributeError,
+        pa.ArrowException,
+    ) as error:
         words = f"it lacks {error}" if isinstance(error, KeyError) else " ".join(str(error).split())
         raise DataError(f"{folder} cannot be read: {words}") from error

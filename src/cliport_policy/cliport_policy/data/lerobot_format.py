@@ -8,6 +8,7 @@ and the way back to bags needs.
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -122,13 +123,8 @@ class Statistics:
     def add(self, name: str, values: Any, axes: tuple[int, ...] = ()) -> None:
         """Count a row's value; axes: those over which a picture's values are taken together."""
         array = np.atleast_1d(np.asarray(values, np.float64))
-        count = int(np.prod([array.shape[axis] for axis in axes])) if axes else 1
-        parts = [
-            array.sum(axis=axes) if axes else array,
-            np.square(array).sum(axis=axes) if axes else np.square(array),
-            array.min(axis=axes) if axes else array,
-            array.max(axis=axes) if axes else array,
-        ]
+        count = math.prod(array.shape[axis] for axis in axes)
+        parts = [array.sum(axes), np.square(array).sum(axes), array.min(axes), array.max(axes)]
         if name in self._sums:
             joins = (np.add, np.add, np.minimum, np.maximum)
             parts = [join(old, new) for join, old, new in zip(joins, self._sums[name], parts, strict=True)]

@@ -22,6 +22,7 @@ from cliport_policy.data.new_folder import whole_folder
 from cliport_policy.errors import DataError
 
 ROBOT = "franka"
+_NO_JOINTS = ("none",)  # a state of one zero, where no joint was recorded: LeRobot's policies need one
 _BYTES_PER_FILE = 90_000_000  # of pictures, below what the format has as its greatest
 
 
@@ -54,7 +55,7 @@ class _Writer:
         self._episodes: list[dict[str, Any]] = []
         self._rows: list[dict[str, Any]] = []  # of the present file of `data`
         self._own: list[dict[str, Any]] = []
-        self._names: list[dict[str, Any]] = []
+        self._described: list[dict[str, Any]] = []
         self._stats = form.Statistics()
         self._files = 0
         self._own_writer: pq.ParquetWriter | None = None
@@ -67,7 +68,9 @@ class _Writer:
         self._check(episode)
         first, number = self.frames, len(self._episodes)
         for frame, step in enumerate(episode.steps):
-            self._add_step(number, frame, step.record, step.observation(), episode.setup)
+            seen = step.observation()
+            self._check_joints(episode, seen)
+            self._add_step(number, frame, step.record, seen, episode.setup)
         if episode.final is not None:
             self._own.append(self._own_row(number, form.FINAL, episode.final, episode.setup, color=episode.final.color))
         sentences = list(dict.fromkeys(step.record.instruction for step in episode.steps))
@@ -84,7 +87,7 @@ class _Writer:
                 "meta/episodes/file_index": 0,
             }
         )
-        self._names.append({"name": episode.name, "success": episode.success, "finished": episode.finished})
+        self._described.append({"name": episode.name, "success": episode.success, "finished": episode.finished})
         self._flush_own()
         if sum(len(row[form.COLOR]["bytes"]) for row in self._rows) > _BYTES_PER_FILE:
             self._flush()
@@ -101,7 +104,7 @@ class _Writer:
         pq.write_table(pa.Table.from_pylist(self._episodes), self._place(form.EPISODES.format(0)))
         counts = (len(self._episodes), self.frames, len(self._sentences))
         info = form.info_of(camera.height, camera.width, self._joints, *counts, ROBOT)
-        own = {"setup": self._setup.to_dict(), "joints": list(self._joints), "episodes": self._names}
+        own = {"setup": self._setup.to_dict(), "episodes": self._described}
         for name, values in ((form.INFO, info), (form.STATS, self._stats.to_dict()), (form.SETUP, own)):
             self._place(name).write_text(json.dumps(values, indent=2) + "\n", encoding="utf-8")
         return counts[0], counts[1]
@@ -115,9 +118,16 @@ class _Writer:
                 "write those of each set-up to a folder of their own"
             )
 
+    def _check_joints(self, episode: Episode, seen: Observation) -> None:
+        names = tuple(seen.joint_positions) or _NO_JOINTS
+        self._joints = self._joints or names
+        if set(names) != set(self._joints):
+            raise DataError(
+                f"episode {episode.name} has the joints {', '.join(names)}, those before it {', '.join(self._joints)}: "
+                "write those of each arm to a folder of their own"
+            )
+
     def _add_step(self, episode: int, frame: int, record: StepRecord, seen: Observation, setup: CaptureSetup) -> None:
-        if not self._joints:
-            self._joints = tuple(seen.joint_positions) or ("none",)
         state = [seen.joint_positions.get(name, 0.0) for name in self._joints]
         pick, place = record.action.pick, record.action.place
         action = [pick.x, pick.y, pick.yaw, place.x, place.y, place.yaw, float(record.action.primitive)]

@@ -131,13 +131,15 @@ class PolicyServer:
         told = self._executor.resume()
         if self._stopped:
             self._stopped = False
-            self._enter(PolicyState.IDLE, "ready")
+            self._enter(PolicyState.IDLE, self._held or "ready")
         return Answer(told, "ready for an instruction" if told else NOT_RESUMED)
 
     def hold(self, why: str) -> Answer:
         """Take no instruction until `release`, for this reason; refused while something goes on."""
-        if self._status.state in BUSY or self._goal.phase != GoalPhase.NONE or self._held:
+        if self._held or self._status.state in BUSY:
             return Answer(False, self._held or f"the server is {self._status.state.name}: end that first")
+        if self._goal.phase != GoalPhase.NONE:
+            return Answer(False, "the motion that was cancelled has not ended yet: try again then")
         self._held = why
         self._enter(PolicyState.IDLE, why)
         return Answer(True, why)
