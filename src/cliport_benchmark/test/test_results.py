@@ -248,3 +248,30 @@ def test_scores_of_other_looks_stand_beside_nothing(tmp_path: Path, capsys: pyte
     assert "randomized: light" in other[HANOI][1] and len(other) == 1
     (beside,) = [rows for title, rows in found.items() if "paper: table 1" in title]
     assert "randomized" not in str(beside[HANOI]) and beside[BOWLS][1] == "expert, exact offset"
+
+
+def test_by_split_has_a_column_for_each_agent_and_averages_of_whole_sets(tmp_path: Path) -> None:
+    seen = [t for t in LANGUAGE_SPLITS if "unseen" not in t and "google" not in t]
+    for number, task in enumerate(seen):
+        write(tmp_path / f"{number}.json", task=task, checkpoint="mine", mean_score=10.0 * number, first_seed=100)
+    write(tmp_path / "blind.json", task=seen[0], checkpoint="blind", mean_score=3.0, first_seed=100)
+    write(tmp_path / "again.json", task=seen[0], checkpoint="mine", mean_score=55.0, first_seed=0)
+    write(tmp_path / "own.json", task=OBJECTS, checkpoint="mine", mean_score=70.0, object_set="own objects")
+    assert main([str(tmp_path), "--by-split", "--demos", "100", "--out", str(tmp_path / "r.md")]) == 0
+    text = (tmp_path / "r.md").read_text()
+    header = next(line for line in text.splitlines() if line.startswith("| split"))
+    names = [cell.strip() for cell in header.split("|")[1:-1]]
+    mine = "mine, seeds 100 to 149, 0123456"
+    assert names[1:4] == ["mine, seeds 0 to 49, 0123456", mine, "blind, seeds 100 to 149, 0123456"]
+    assert names[4] == f"{paper_methods('1')[0]} @100"
+    table, own = sections(text).values()
+    assert table[seen[0]][1:4] == ["55.0", "0.0", "3.0"] and table[seen[1]][1:4] == ["", "10.0", ""]
+    seen_average, unseen_average = (
+        table[f"average, 7 {kind} splits without everyday objects"] for kind in ("seen", "unseen")
+    )
+    assert seen_average[1:4] == ["", "30.0", ""] and unseen_average[1:4] == ["", "", ""]
+    column = names.index("CLIPORT (multi) @100")
+    assert float(seen_average[column]) == pytest.approx(86.9, abs=0.06)
+    assert float(unseen_average[column]) == pytest.approx(53.0, abs=0.06)
+    assert own[OBJECTS][1] == "70.0" and seen[0] not in own
+    assert text.count("Mean scores, 0 to 100") == 1

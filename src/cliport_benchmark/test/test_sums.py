@@ -14,6 +14,7 @@ from cliport_benchmark.contact_sheet import Captioned, captioned, contact_sheet
 from cliport_benchmark.doubts import doubts_about
 from cliport_benchmark.episode import Episode, Step, _step
 from cliport_benchmark.errors import BenchmarkError, DataFolderError, OptionError
+from cliport_benchmark.evaluation import DEMO_TEST, DEMO_VAL, OTHER, OWN_OBJECTS, TEST, TOLD, VAL, Evaluation, Section
 from cliport_benchmark.experiment import choose
 from cliport_benchmark.experiment_report import TestScore as Score
 from cliport_benchmark.experiment_report import _is_comparable, table
@@ -22,7 +23,6 @@ from cliport_benchmark.json_files import check_writable, differences, read_json
 from cliport_benchmark.paper_scores import YARDSTICK, PaperRow
 from cliport_benchmark.parallel import run_parallel
 from cliport_benchmark.ray_cluster import failure_line
-from cliport_benchmark.results import DEMO_TEST, DEMO_VAL, OTHER, OWN_OBJECTS, TEST, TOLD, VAL, Evaluation, Section
 from cliport_benchmark.summary import summary
 from cliport_core import ActionResult, PickPlaceAction, PlanarPose, Primitive
 from cliport_core.outcome import Outcome

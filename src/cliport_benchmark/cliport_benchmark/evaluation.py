@@ -1,0 +1,146 @@
+"""Evaluations as `evaluate` writes them, and the table of the results that each belongs to."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from cliport_benchmark.doubts import doubts_about
+from cliport_benchmark.errors import DataFolderError
+from cliport_benchmark.json_files import read_json
+from cliport_benchmark.own_setup import condition_words, set_up_words
+from cliport_benchmark.paper_scores import ABLATION_TABLE, DEMO_VAL_TABLE, TEST_TABLE, VAL_TABLE
+from sim_bridge.tasks import ALIASES, DEMO_TASKS, LANGUAGE_SPLITS, is_known
+
+_GOOGLE_OBJECTS = "google "  # prefix of the names of sets of Google Scanned Objects
+_EVERYDAY = "google-objects"  # part of the names of the tasks that show them
+
+
+@dataclass(frozen=True)
+class Section:
+    """One table of the results: a title, its tasks in order, and the paper's table beside it, "" for none."""
+
+    title: str
+    tasks: tuple[str, ...]
+    table: str = ""
+
+    @property
+    def comparable(self) -> tuple[str, ...]:
+        """All tables of the paper's on the same scenes: the ablations of table 5 were scored on test scenes."""
+        return (TEST_TABLE, ABLATION_TABLE) if self.table == TEST_TABLE else (self.table,)
+
+
+TEST = Section("Language-conditioned splits, test scenes (paper: table 1)", LANGUAGE_SPLITS, TEST_TABLE)
+VAL = Section("Language-conditioned splits, validation scenes (paper: table 4)", LANGUAGE_SPLITS, VAL_TABLE)
+DEMO_TEST = Section("Demo-conditioned tasks, test scenes (the paper has no test scores of them)", DEMO_TASKS)
+DEMO_VAL = Section("Demo-conditioned tasks, validation scenes (paper: table 6)", DEMO_TASKS, DEMO_VAL_TABLE)
+OWN_OBJECTS = Section("Everyday objects of this project's own (the paper has none of them)", LANGUAGE_SPLITS)
+TOLD = Section("Unseen colours, of policies that met their words in training (recolor: surveyed)", LANGUAGE_SPLITS)
+OTHER = Section("Other tasks, training scenes and set-ups of one's own", ())
+SECTIONS = (TEST, VAL, DEMO_TEST, DEMO_VAL, OWN_OBJECTS, TOLD, OTHER)
+
+
+def is_everyday(task: str) -> bool:
+    """Return True for a split that shows everyday objects."""
+    return _EVERYDAY in task
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """One file of results; score 0..100, None when every episode was discarded.
+
+    object_set: of a task with everyday objects. knew_colors: True for a policy that met "unseen" colours in training.
+    doubts: reasons to measure it again. own_set_up: True where the workspace, the camera or the looks were others.
+    seeds: the first and the last of its scenes, as "0 to 99". commit: of the source that scored it.
+    """
+
+    task: str
+    agent: str
+    split: str
+    score: float | None
+    episodes: int
+    object_set: str = ""
+    knew_colors: bool = False
+    doubts: tuple[str, ...] = ()
+    own_set_up: bool = False
+    seeds: str = ""
+    commit: str = ""
+
+    @property
+    def section(self) -> Section:
+        """The table that it belongs to: the paper's test scores stand beside test scores only, and so on."""
+        if self.own_set_up or self.split not in ("test", "val"):
+            return OTHER
+        if self.task not in (*LANGUAGE_SPLITS, *DEMO_TASKS):
+            return OTHER
+        if self.task in DEMO_TASKS:
+            return DEMO_TEST if self.split == "test" else DEMO_VAL
+        if is_everyday(self.task) and not self.object_set.startswith(_GOOGLE_OBJECTS):
+            return OWN_OBJECTS
+        if self.knew_colors and "unseen-colors" in self.task:
+            return TOLD
+        return TEST if self.split == "test" else VAL
+
+
+def read_evaluation(path: Path) -> Evaluation:
+    """Read an evaluation from its file.
+
+    Raises:
+        DataFolderError: when it is no result of `evaluate`.
+    """
+    values = read_json(path)
+    try:
+        task = ALIASES.get(values["task"], values["task"])
+        score = values["mean_score"]
+        found = Evaluation(
+            task,
+            _agent(values),
+            str(values["split"]),
+            score,
+            int(values["n_episodes"]),
+            str(values.get("object_set") or ""),
+            bool(values.get("met_surveyed_colors")),
+            doubts_about(values),
+            bool(set_up_words(values)),
+            _seeds(values),
+            str(values.get("commit", "")),
+        )
+        valid = is_known(task) and (score is None or 0.0 <= score <= 100.0)
+    except (KeyError, TypeError, ValueError) as error:
+        raise DataFolderError(f"{path} is no result of evaluate ({error!r})") from error
+    if not valid:
+        raise DataFolderError(f"{path} has an unknown task or an impossible score: {task!s:.60}, {score}")
+    return found
+
+
+def read_folder(folder: Path) -> list[Evaluation]:
+    """Read all that a folder and those in it hold; what is no evaluation is left out with a line that says so."""
+    if not folder.is_dir():
+        raise DataFolderError(f"there is no folder {folder}: name the one that evaluate wrote to")
+    evaluations = []
+    for path in sorted(folder.rglob("*.json")):
+        try:
+            evaluations.append(read_evaluation(path))
+        except DataFolderError as error:
+            print(f"left out: {error}", file=sys.stderr)
+    if not evaluations:
+        raise DataFolderError(f"{folder} holds no results of evaluate")
+    return evaluations
+
+
+def _agent(values: dict[str, Any]) -> str:
+    """Return who acted and how: the checkpoint, its network's name, and what was unusual."""
+    words = [str(values["checkpoint"])]
+    if values.get("method"):
+        words.append(f"({values['method']})")
+    text = " ".join(words) + (f", {values['object_set']}" if values.get("object_set") else "")
+    return text + condition_words(values)
+
+
+def _seeds(values: dict[str, Any]) -> str:
+    first = values.get("first_seed")
+    if not isinstance(first, int):
+        return ""
+    return f"{first} to {first + int(values['n_episodes']) + int(values.get('discarded', 0)) - 1}"

@@ -1,0 +1,15 @@
+"""Rows of the Markdown tables of the results."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+
+def number(value: float | None) -> str:
+    """Return a score with one decimal, "" for none."""
+    return "" if value is None else f"{value:.1f}"
+
+
+def table_line(cells: Sequence[str]) -> str:
+    """Return a row of a Markdown table."""
+    return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
