@@ -21,6 +21,7 @@ from cliport_benchmark.own_setup import OwnSetup
 from cliport_benchmark.parallel import run_parallel
 from cliport_benchmark.policy_facts import policy_facts
 from cliport_benchmark.ray_cluster import RayCluster
+from cliport_benchmark.survey_colors import LEAST_DISTANCE, draw_colors, paint_of
 from cliport_benchmark.variation import Variation
 from cliport_benchmark.wording import Wording
 from sim_bridge.errors import LayoutError, PhysicsError, SimBridgeError
@@ -32,6 +33,7 @@ from sim_bridge.world import SimWorld
 @dataclass(frozen=True)
 class EvaluateConfig:
     """Settings of an evaluation. exact_offset: a thing that is picked off its middle is placed as far off.
+    survey_colors: the benchmark's colours look and are called as in draw_colors.
 
     Raises:
         OptionError: on numbers that make no evaluation, or a wording for a task that has none.
@@ -47,6 +49,7 @@ class EvaluateConfig:
     exact_offset: bool = False
     setup: OwnSetup = field(default_factory=OwnSetup)
     variation: Variation = field(default_factory=Variation)
+    survey_colors: bool = False
 
     def __post_init__(self) -> None:
         task = make_task(self.task, self.split)
@@ -55,12 +58,16 @@ class EvaluateConfig:
         if self.episodes < 1:
             raise OptionError(f"--episodes must be 1 or more, got {self.episodes}")
         if self.is_reworded and not task.sentence_pattern:
-            raise OptionError(f"--phrasings and --synonyms cannot reword {task.name}: its sentences have no slots")
+            raise OptionError(
+                f"--phrasings, --synonyms and --survey-colors cannot reword {task.name}: its sentences have no slots"
+            )
+        if self.survey_colors and self.wording.synonyms:
+            raise OptionError("--synonyms and --survey-colors name the same colours: give one of them")
 
     @property
     def is_reworded(self) -> bool:
         """True if other sentences than the task's own are said."""
-        return self.wording != Wording()
+        return self.survey_colors or self.wording != Wording()
 
     @property
     def seeds(self) -> range:
@@ -87,8 +94,10 @@ class EvaluateConfig:
         }
         if self.checkpoint not in BUILT_IN:
             settings |= policy_facts(self.checkpoint)
-        if self.is_reworded:
+        if self.wording != Wording():
             settings["wording"] = dataclasses.asdict(self.wording)
+        if self.survey_colors:
+            settings["survey_colors"] = LEAST_DISTANCE
         return settings
 
 
@@ -107,9 +116,10 @@ class Evaluator:
     def run(self, seed: int) -> Outcome:
         """Run the scene of a seed and return its outcome."""
         try:
+            wording = self._paint(seed)
             task = reset_scene(self.world, self.config.task, self.config.split, seed)
             self.config.variation.add_to(self.world, task, seed)
-            say = partial(self._sentence, index=seed - self.config.first_seed)
+            say = partial(self._sentence, wording=wording, index=seed - self.config.first_seed)
             exact = self.config.exact_offset
             self._said_as_it_was = False
             episode = run_episode(self.world, self.hand, self.observer, self.agent, task, seed, say, exact)
@@ -117,11 +127,19 @@ class Evaluator:
         except (LayoutError, PhysicsError) as error:
             return Discarded(seed, str(error))
 
-    def _sentence(self, task: Task, index: int) -> str:
+    def _paint(self, seed: int) -> Wording:
+        """Choose what the scene's colours look like, and return the wording that says it."""
+        if not self.config.survey_colors:
+            return self.config.wording
+        names = draw_colors(make_task(self.config.task, self.config.split), seed)
+        self.world.paints = {color: paint_of(name) for color, name in names.items()}
+        return dataclasses.replace(self.config.wording, synonyms=names)
+
+    def _sentence(self, task: Task, wording: Wording, index: int) -> str:
         if not self.config.is_reworded:
             return task.instruction
         if task.sentence_slots:
-            return self.config.wording.sentence(task.sentence_pattern, task.sentence_slots, index)
+            return wording.sentence(task.sentence_pattern, task.sentence_slots, index)
         self._said_as_it_was = True
         return task.instruction
 

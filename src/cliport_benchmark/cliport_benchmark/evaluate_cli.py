@@ -79,6 +79,7 @@ def _config(options: argparse.Namespace, task: str) -> EvaluateConfig:
         options.exact_offset,
         setup_of(options),
         variation_of(options),
+        options.survey_colors,
     )
 
 
@@ -160,6 +161,11 @@ def _parser() -> argparse.ArgumentParser:
         help="place a thing as far off as it was picked, as the original does, instead of centring the grasp",
     )
     parser.add_argument("--synonyms", type=Path, help="file of lines 'colour = word' to say instead")
+    parser.add_argument(
+        "--survey-colors",
+        action="store_true",
+        help="paint and name the things in colours of a survey, which no demonstration named",
+    )
     add_setup_options(parser)
     add_variation_options(parser)
     return parser

@@ -165,6 +165,7 @@ def set_up_words(values: dict[str, Any]) -> str:
     own = OwnSetup().settings()
     if any(name in values and values[name] != own[name] for name in own):
         words += ", own set-up"
+    words += ", colours of the survey" if values.get("survey_colors") else ""
     if values.get("randomize"):
         words += f", randomized: {', '.join(values['randomize'])}"
     return words

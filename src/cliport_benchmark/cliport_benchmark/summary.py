@@ -27,7 +27,11 @@ def summary(settings: dict[str, Any], outcomes: list[Outcome]) -> dict[str, Any]
         "redrawn": sum(e.redraws > 0 for e in episodes),
         "redraws": sum(e.redraws for e in episodes),
         "broken": sum(e.broken for e in episodes),
-        **({"own_wording": sum(e.own_wording for e in episodes)} if "wording" in settings else {}),
+        **(
+            {"own_wording": sum(e.own_wording for e in episodes)}
+            if {"wording", "survey_colors"} & settings.keys()
+            else {}
+        ),
         "outcomes": {name: sum(step.outcome == name for step in steps) for name in names},
     }
     if settings["checkpoint"] != EXPERT:

@@ -38,6 +38,7 @@ VARIED = {"randomize": None, "mounting_error": None}
                 "phrasings": None,
                 "exact_offset": False,
                 "synonyms": None,
+                "survey_colors": False,
                 **SETUP,
                 **VARIED,
             },

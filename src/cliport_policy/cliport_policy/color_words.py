@@ -21,6 +21,7 @@ from torch.nn import functional as F
 
 from cliport_core.command_line import CommandParser
 from cliport_policy.checkpoint import whole_file
+from cliport_policy.data.color_names import survey
 from cliport_policy.errors import CheckpointError, ConfigError, PolicyError
 from cliport_policy.language import TextEncoder, shared_encoder
 from cliport_policy.networks.joint.color_words import ColorHead, scaled_lab
@@ -56,15 +57,13 @@ class Survey(NamedTuple):
 
 def read_survey(arm: str) -> Survey:
     """Return the survey's names; `strict` leaves out those that hold a word of the unseen colours."""
-    from matplotlib.colors import XKCD_COLORS, to_rgb
-
     check_choice(arm, ARMS, "arm")
     names, colors = [], []
-    for key, code in XKCD_COLORS.items():
-        name = key.removeprefix("xkcd:").replace("/", " ")
+    for key, color in survey().items():
+        name = key.replace("/", " ")
         if arm == "open" or not any(stem in name for stem in UNSEEN_STEMS):
             names.append(name)
-            colors.append(to_rgb(code))
+            colors.append(color)
     shades = [[j for j, other in enumerate(names) if other.split()[-1] == name] for name in names]
     return Survey(names, scaled_lab(torch.tensor(colors)), shades)
 

@@ -23,6 +23,7 @@ class Stream(IntEnum):
     SCORED_NOISE = 4  # of the camera, in evaluations
     CHANCE = 5  # an agent that chooses at random
     AGENT = 6  # the agent that is scored
+    PAINT = 7  # what the benchmark's colours look like and are called instead
     CLUTTER = 16
 
 

@@ -48,6 +48,8 @@ class SimWorld:
 
     World frame = base frame: x forward, y left, z up, the table's top at z = 0. Simulated time
     runs on over resets, so that it can drive a clock.
+
+    paints: RGB 0..255 of colours of the benchmark that look otherwise in the scenes to come, by name.
     """
 
     def __init__(self, config: SimConfig | None = None) -> None:
@@ -57,6 +59,7 @@ class SimWorld:
             raise SimulationError("PyBullet gave no physics server; close other worlds of this process first")
         self._steps = 0
         self._objects: list[SceneObject] = []
+        self.paints: dict[str, Rgb] = {}
         self.panda: PandaArm
         self.clear()
 
@@ -118,6 +121,7 @@ class SimWorld:
         """Add a thing of that shape at that pose, at rest, and return it; a fixed one never moves.
 
         color: of the benchmark's; paint: 0..255, for what has a colour of its own; white when neither is given.
+        What `paints` holds is painted so instead.
 
         Raises:
             UnknownNameError: when the benchmark has no such colour.
@@ -137,7 +141,8 @@ class SimWorld:
             rollingFriction=shape.rolling_friction,
             physicsClientId=self.client,
         )
-        thing = SceneObject(shape, color, paint or (rgb(color) if color else (255, 255, 255)), body, fixed)
+        own = paint or self.paints.get(color) or (rgb(color) if color else (255, 255, 255))
+        thing = SceneObject(shape, color, own, body, fixed)
         self._objects.append(thing)
         return thing
 

@@ -65,13 +65,19 @@ def distance(colors: NDArray[np.float32], shades: NDArray[np.float32]) -> NDArra
 
 
 @lru_cache(maxsize=1)
-def surveyed_shades() -> dict[str, NDArray[np.float32]]:
-    """Return each basic term's shades, CIELAB (M, 3)."""
+def survey() -> dict[str, tuple[float, float, float]]:
+    """Return the survey's 949 names and their colours, RGB 0..1."""
     from matplotlib.colors import XKCD_COLORS, to_rgb
 
+    return {name.removeprefix("xkcd:"): to_rgb(code) for name, code in XKCD_COLORS.items()}
+
+
+@lru_cache(maxsize=1)
+def surveyed_shades() -> dict[str, NDArray[np.float32]]:
+    """Return each basic term's shades, CIELAB (M, 3)."""
     found: dict[str, list[tuple[float, float, float]]] = {term: [] for term in BASIC_TERMS}
-    for name, code in XKCD_COLORS.items():
-        term = _SPELLINGS.get(name.removeprefix("xkcd:").split()[-1])
+    for name, color in survey().items():
+        term = _SPELLINGS.get(name.split()[-1])
         if term is not None:
-            found[term].append(to_rgb(code))
+            found[term].append(color)
     return {term: lab(255 * np.array(colors, np.float32)) for term, colors in found.items()}
