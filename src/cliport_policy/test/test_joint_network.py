@@ -63,12 +63,32 @@ def test_one_look_gives_the_scores_that_many_give(changes: dict[str, object]) ->
     pick, angles = torch.full((2, 2), 8.0), bin_angles(8).expand(2, -1)
     assert network.score_picks(images, seen).shape == (2, 16 * 8 + network.n_null)
     assert network.score_places(images, seen, pick, angles).shape == (2, 8, 16, 8)
+    placing = network.look_for_places(images, seen)
+    assert torch.allclose(
+        network.score_places(images, placing, pick, angles), network.score_places(images, seen, pick, angles)
+    )
     for score in (network.score_picks, network.score_primitives):
         apart, together = score(images, goal), score(images, seen)
         assert (apart is None) == (together is None)
         assert apart is None or torch.allclose(apart, together, atol=1e-5)
     alone = network.score_picks(images[1:], seen.select(torch.tensor([False, True])))
     assert torch.allclose(alone, network.score_picks(images, seen)[1:], atol=1e-5)
+
+
+@pytest.mark.parametrize("gate", [True, False])
+@torch.no_grad()
+def test_turns_at_one_place_are_what_the_whole_map_says_there(gate: bool) -> None:
+    network = _network(gate=gate)
+    images = torch.rand(2, 5, 32, 16)
+    goal = network.look(images, network.encode_goal(["put the red blocks in a blue bowl", "align the rope"]))
+    pick, angles = torch.tensor([[8.0, 8.0], [20.0, 3.0]]), bin_angles(8).expand(2, -1)
+    places = network.score_places(images, goal, pick, angles)
+    for row, column in ((4, 3), (0, 0), (15, 7)):
+        middle = torch.tensor([[2 * row + 0.5, 2 * column + 0.5]]).expand(2, -1)
+        turns = network.score_turns(images, goal, pick, middle, angles)
+        assert turns is not None
+        there = places[:, :, row, column]
+        assert torch.allclose(turns - turns.mean(1, keepdim=True), there - there.mean(1, keepdim=True), atol=1e-5)
 
 
 def test_training_hides_colours_from_the_encoder_but_not_from_the_maps() -> None:

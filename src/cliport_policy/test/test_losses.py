@@ -14,6 +14,7 @@ from cliport_policy.training.losses import (
     compute_losses,
     soft_cells,
     soft_cross_entropy,
+    turn_target,
     yaw_label,
     yaw_target,
 )
@@ -108,7 +109,7 @@ def test_losses_of_ignorance_are_logarithms_of_the_choices() -> None:
         config = TrainConfig(rotator_rotations=rotations, transport_rotations=rotations)
         losses = compute_losses(_Flat(), _batch(4), config)  # type: ignore[arg-type]
         # three samples of four show an action, one a finished scene
-        expected = (0.75 * math.log(201), math.log(k), math.log(200 * k), 0.25 * math.log(201), 0.0, 0.0)
+        expected = (0.75 * math.log(201), math.log(k), math.log(200 * k), 0.25 * math.log(201), 0.0, 0.0, 0.0)
         assert [float(loss) for loss in losses] == pytest.approx(expected, rel=1e-5)
 
 
@@ -146,6 +147,46 @@ class _Turner(_Flat):
     def score_places(self, images: Tensor, goal: Goal, pick: Tensor, angles: Tensor) -> Tensor:
         right = torch.isclose(angles, torch.tensor(math.pi / 2)).float()
         return super().score_places(images, goal, pick, angles) + 5 * right[..., None, None]
+
+
+class _Placer(_Flat):
+    """It scores turns at one place too, and says that a quarter to the left is right, or nothing."""
+
+    def __init__(self, knows: bool) -> None:
+        super().__init__(36)
+        self.knows = knows
+        self.looked: list[int] = []
+
+    def look_for_places(self, images: Tensor, goal: Goal) -> Goal:
+        self.looked.append(len(images))
+        return goal
+
+    def score_turns(self, images: Tensor, goal: Goal, pick: Tensor, place: Tensor, angles: Tensor) -> Tensor | None:
+        assert angles.shape == (len(images), 36) and pick.shape == place.shape == (len(images), 2)
+        return turn_target(torch.full((len(images),), math.pi / 2), 36).clamp_min(1e-30).log() if self.knows else None
+
+
+def test_all_rotations_compete_at_the_experts_place_where_that_is_weighed() -> None:
+    best = turn_target(torch.tensor([math.pi / 2]), 36)
+    entropy = -float((best * best.clamp_min(1e-30).log()).sum())
+    assert best.argmax() == 9 and float(best.sum()) == pytest.approx(1) and 0.6 < entropy < 0.7
+    for knows, weight, expected in (
+        (True, 1.0, entropy),
+        (True, 0.5, entropy / 2),
+        (False, 1.0, 0.0),
+        (True, 0.0, 0.0),
+    ):
+        network = _Placer(knows)
+        losses = compute_losses(network, _batch(4), TrainConfig(turn_weight=weight))  # type: ignore[arg-type]
+        assert float(losses.turn) == pytest.approx(expected, rel=1e-4)
+        assert network.looked == ([3] if weight else [])
+
+
+def test_a_turns_target_is_nearest_round_the_circle() -> None:
+    target = turn_target(torch.tensor([math.radians(355), math.radians(-5), math.radians(182)]), 36)
+    assert torch.allclose(target[0], target[1], atol=1e-5)
+    assert float(target[0, 0]) == pytest.approx(float(target[0, 35]), abs=1e-5)
+    assert int(target[2].argmax()) == 18 and float(target[2, 0]) < 1e-6, "half a turn is another one"
 
 
 @pytest.mark.parametrize(("rotations", "k"), [(0, 8), (3, 3)])

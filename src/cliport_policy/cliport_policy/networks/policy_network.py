@@ -18,7 +18,8 @@ class Goal:
 
     language: (B, D), the sentences' vectors. images: (B, 5, H, W), the finished scenes, if given.
     tokens: (B, T, ...), the words' frozen embeddings, and words, what the network made of them; mask: (B, T), True at
-    a word. seen: features (B, ...) of the observations, which `look` adds.
+    a word. seen: features (B, ...) of the observations, which `look` adds; placing: those that score where to place,
+    which `look_for_places` adds.
     """
 
     language: Tensor | None = None
@@ -26,6 +27,7 @@ class Goal:
     tokens: Tensor | None = None
     words: Tensor | None = None
     mask: Tensor | None = None
+    placing: Tensor | None = None
     seen: tuple[Tensor, ...] = ()
 
     def select(self, index: Tensor) -> Goal:
@@ -77,6 +79,10 @@ class PolicyNetwork(nn.Module, ABC):
         """Return the goals with what the scores have in common, so that it is computed once; themselves if nothing."""
         return goal
 
+    def look_for_places(self, images: Tensor, goal: Goal) -> Goal:
+        """Return the goals with what score_places and score_turns have in common; themselves if nothing."""
+        return goal
+
     def score_primitives(self, images: Tensor, goal: Goal) -> Tensor | None:
         """Return logits (B, number of primitives); None where the demonstrations' one is taken."""
         return None
@@ -101,6 +107,13 @@ class PolicyNetwork(nn.Module, ABC):
 
         pick: (B, 2). angles: (B, R), relative to the pick's yaw.
         """
+
+    def score_turns(self, images: Tensor, goal: Goal, pick: Tensor, place: Tensor, angles: Tensor) -> Tensor | None:
+        """Return logits (B, R), what score_places says at one place each; None for a network that can't tell it alone.
+
+        pick, place: (B, 2). angles: (B, R), relative to the pick's yaw.
+        """
+        return None
 
     def score_rotations(self, images: Tensor, goal: Goal, pick: Tensor) -> tuple[Tensor | None, Tensor]:
         """Return score_yaws and score_places at all k rotation bins: (B, k) or None, (B, k, h, w)."""

@@ -14,7 +14,7 @@ from cliport_policy.data.batches import Batch
 from cliport_policy.networks.policy_network import Goal, PolicyNetwork
 from cliport_policy.networks.rotation import bin_angles
 
-YAW_SIGMA = math.radians(5.0)  # softness of the rotator's target: half a bin
+YAW_SIGMA = math.radians(5.0)  # softness of the targets of yaws and turns: half a bin
 CELL_SIGMA = 0.8  # softness of the pick's and the place's target, in cells
 
 
@@ -23,7 +23,7 @@ class Losses(NamedTuple):
 
     locator, done and absent are of the pick's softmax, summed over samples with an action, samples that are finished,
     and samples whose sentence names what is not there, each over the number of all samples; the others are means over
-    the samples with an action.
+    the samples with an action. turn is weighted already.
     """
 
     locator: Tensor
@@ -32,11 +32,12 @@ class Losses(NamedTuple):
     done: Tensor
     absent: Tensor
     primitive: Tensor
+    turn: Tensor
 
     def total(self) -> Tensor:
         """Return the weighted sum that is minimised."""
         picks = self.locator + self.done + self.absent
-        return picks + 0.3 * self.rotator + self.transport + 0.3 * self.primitive
+        return picks + 0.3 * self.rotator + self.transport + 0.3 * self.primitive + self.turn
 
 
 def compute_losses(
@@ -55,13 +56,16 @@ def compute_losses(
     by_kind = [(picks * chosen).sum() for chosen in (act, batch.done, ~act & ~batch.done)]
     if not act.any():
         zero = picks.new_zeros(())
-        return Losses(by_kind[0], zero, zero, by_kind[1], by_kind[2], zero)
+        return Losses(by_kind[0], zero, zero, by_kind[1], by_kind[2], zero, zero)
     noise = _SampleNoise(batch.seeds[act.cpu()], network.config.n_rotations, batch.images.device)
     images, goal = batch.images[act], goal.select(act)
     rotator = _rotator_losses(network, batch, images, goal, config, noise).sum() / n_actions
+    if config.turn_weight:
+        goal = network.look_for_places(images, goal)
+    turn = _turn_losses(network, batch, images, goal, config).sum() / n_actions
     transport = _transport_losses(network, batch, images, goal, size, config, noise).sum() / n_actions
     primitive = _primitive_losses(network, batch, images, goal).sum() / n_actions
-    return Losses(by_kind[0], rotator, transport, by_kind[1], by_kind[2], primitive)
+    return Losses(by_kind[0], rotator, transport, by_kind[1], by_kind[2], primitive, turn)
 
 
 def _pick_losses(
@@ -134,6 +138,18 @@ def _transport_losses(
     return logits.flatten(1).logsumexp(1) - (target * at_right).sum((1, 2))
 
 
+def _turn_losses(network: PolicyNetwork, batch: Batch, images: Tensor, goal: Goal, config: TrainConfig) -> Tensor:
+    """Return the weighted losses (A,) of the rotation at the expert's place, of the samples with an action."""
+    if not config.turn_weight:
+        return images.new_zeros(len(images))
+    act = batch.acts
+    angles = bin_angles(network.config.n_rotations, images.device).expand(len(images), -1)
+    logits = network.score_turns(images, goal, batch.pick[act], batch.place[act], angles)
+    if logits is None:
+        return images.new_zeros(len(images))
+    return config.turn_weight * soft_cross_entropy(logits.float(), turn_target(batch.rotation[act], angles.shape[1]))
+
+
 def _cells(pixels: Tensor, size: tuple[int, int], cell: int, config: TrainConfig) -> Tensor:
     return soft_cells(pixels, size, cell) if config.targets == "soft" else cell_label(pixels, size, cell)
 
@@ -178,6 +194,13 @@ def yaw_label(yaw: Tensor, period: Tensor, n_rotations: int) -> Tensor:
     """Return 1 in the one bin nearest to the least of the right yaws, otherwise 0: (B, k)."""
     least = torch.remainder(yaw, torch.clamp(period, max=math.pi))
     return F.one_hot(torch.round(least / (2 * math.pi / n_rotations)).long() % n_rotations, n_rotations).float()
+
+
+def turn_target(rotation: Tensor, n_rotations: int) -> Tensor:
+    """Return a soft target over the rotation bins, (B, k), that sums to 1, of rotations (B,) from pick to place."""
+    error = bin_angles(n_rotations, rotation.device)[None] - rotation[:, None]
+    error = torch.remainder(error + math.pi, 2 * math.pi) - math.pi
+    return torch.softmax(-error.square() / (2 * YAW_SIGMA**2), dim=1)
 
 
 def soft_cross_entropy(logits: Tensor, target: Tensor) -> Tensor:

@@ -99,8 +99,22 @@ class JointNetwork(PolicyNetwork):
 
     def score_places(self, images: Tensor, goal: Goal, pick: Tensor, angles: Tensor) -> Tensor:
         """Return logits (B, R, h, w)."""
+        return self.transport(self._placing(images, goal), pick, angles)
+
+    def look_for_places(self, images: Tensor, goal: Goal) -> Goal:
+        """Return the goals with the place decoder's features."""
+        return replace(goal, placing=self._placing(images, goal))
+
+    def score_turns(self, images: Tensor, goal: Goal, pick: Tensor, place: Tensor, angles: Tensor) -> Tensor | None:
+        """Return logits (B, R), what score_places says at one place each."""
+        return self.transport.turns(self._placing(images, goal), pick, place, angles)
+
+    def _placing(self, images: Tensor, goal: Goal) -> Tensor:
+        if goal.placing is not None:
+            return goal.placing
         goal = self._seen(images, goal)
-        return self.transport(self.place_decoder(goal.seen[:-1], goal.language), pick, angles)
+        features: Tensor = self.place_decoder(goal.seen[:-1], goal.language)
+        return features
 
     def _seen(self, images: Tensor, goal: Goal) -> Goal:
         return goal if goal.seen else self.look(images, goal)

@@ -37,16 +37,25 @@ class GatedTransport(nn.Module):
         half_turns = are_opposite_pairs(angles)
         if half_turns:
             angles = angles[:, : angles.shape[1] // 2]
-        center = (pick - 0.5) / 2
-        # An object in the gripper turns by +angle if its window is cut at -angle.
-        window = rotated_windows(query, center, -angles, self.query_cells)  # (B, R, C, q, q)
-        window = window * (self._window_weight(features.device) * self.log_scale.exp())
-        picked = rotated_windows(features.float(), center, angles[:, :1] * 0, 1).flatten(1)  # (B, width)
+        window = self._windows(query, pick, angles)
+        picked = rotated_windows(features.float(), _cell(pick), angles[:, :1] * 0, 1).flatten(1)  # (B, width)
         bias = (
             self.bias(features).float()
             + torch.einsum("bchw,bc->bhw", features.float(), self.at_pick(picked).float())[:, None]
         )
         return correlate_centered(key, window, half_turns).add_(bias)
+
+    def turns(self, features: Tensor, pick: Tensor, place: Tensor, angles: Tensor) -> Tensor:
+        """Return what `forward` says at one place each (B, 2), but for what is the same at all angles: (B, R)."""
+        key, query = self._gated(self.key(features)), self._gated(self.query(features))
+        there = rotated_windows(key, _cell(place), angles[:, :1] * 0, self.query_cells)  # (B, 1, C, q, q)
+        return (self._windows(query, pick, angles) * there).sum((2, 3, 4))
+
+    def _windows(self, query: Tensor, pick: Tensor, angles: Tensor) -> Tensor:
+        """Return weighted windows of the query at the picks, turned: (B, R, C, q, q)."""
+        # An object in the gripper turns by +angle if its window is cut at -angle.
+        window = rotated_windows(query, _cell(pick), -angles, self.query_cells)
+        return window * (self._window_weight(query.device) * self.log_scale.exp())
 
     def _gated(self, x: Tensor) -> Tensor:
         x = x.float()
@@ -58,3 +67,8 @@ class GatedTransport(nn.Module):
         offsets = window_offsets(self.query_cells, torch.zeros(1, device=device))[0]  # (q, q, 2)
         weight = torch.exp(-offsets.square().sum(-1) / (2 * self.log_radius.exp().square()))
         return weight / weight.sum()
+
+
+def _cell(pixels: Tensor) -> Tensor:
+    """Return the float cells (B, 2) at half resolution of pixels (B, 2)."""
+    return (pixels - 0.5) / 2
