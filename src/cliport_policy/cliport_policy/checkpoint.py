@@ -24,7 +24,7 @@ from cliport_policy.named_configs import AnyNetworkConfig, network_config_from_d
 
 FORMAT_VERSION = 1
 SHIPPED_FOLDER = Path(__file__).parent / "weights"
-DEFAULT_NAME = "compact-bowls"
+DEFAULT_NAME = "multi-open-100"
 CALIBRATED = ("pick", "place")
 ANCHORS = "instruction_anchors"  # tensor of training sentences, compared with new ones
 

@@ -9,6 +9,7 @@ import cliport_policy
 from cliport_policy.checkpoint import ANCHORS, load_checkpoint, resolve_checkpoint, shipped_names
 from cliport_policy.networks.compact.network import CompactNetwork
 from cliport_policy.networks.factory import restore_network
+from cliport_policy.networks.joint.network import JointNetwork
 
 PACKAGE = "cliport_policy.networks"
 KINDS = ("compact", "joint", "streams")
@@ -42,11 +43,11 @@ def test_what_all_share_knows_none_but_for_the_factory() -> None:
 
 
 @pytest.mark.parametrize("name", shipped_names())
-def test_shipped_weights_are_those_of_the_compact_network(name: str) -> None:
+def test_shipped_weights_fit_the_network_that_their_name_begins_with(name: str) -> None:
     path = resolve_checkpoint(name)
     tensors, card = load_checkpoint(path)
     network = restore_network(card.network, tensors, card.frozen, path)
-    assert isinstance(network, CompactNetwork)
+    assert isinstance(network, {"compact": CompactNetwork, "multi": JointNetwork}[name.partition("-")[0]])
     assert set(network.state_dict()) == set(tensors) - {ANCHORS}
 
 
