@@ -23,6 +23,7 @@ class Graph:
 
     def __init__(self) -> None:
         self.resets: list[tuple[Any, ...]] = []
+        self.started: list[dict[str, str]] = []
         self.refused = self.failing = False
 
     def __enter__(self) -> Graph:
@@ -65,7 +66,7 @@ class Graph:
 @pytest.fixture
 def graph(monkeypatch: pytest.MonkeyPatch) -> Graph:
     made = Graph()
-    monkeypatch.setattr(demo, "GraphProcess", lambda file, arguments, log: made)
+    monkeypatch.setattr(demo, "GraphProcess", lambda file, arguments, log: made.started.append(arguments) or made)
     monkeypatch.setattr(demo, "GraphClient", lambda name: made)
     times = iter([float(n) for n in range(99)])
     monkeypatch.setattr(demo, "time", SimpleNamespace(sleep=lambda s: None, monotonic=lambda: next(times)))
@@ -94,6 +95,13 @@ def test_a_demo_leaves_pictures_and_says_how_it_ended(graph: Graph, tmp_path: Pa
         f"demo: success task={TASK} seed=4 score=0.75 steps=3 wall_s=2.0",
     ]
     assert graph.resets == [(TASK, "test", 4)]
+
+
+def test_a_demo_takes_the_policy_that_does_the_task_best_or_the_one_that_is_named(graph: Graph, tmp_path: Path) -> None:
+    other = ["--task", "towers-of-hanoi-seq-seen-colors"]
+    for words in ([], other, [*other, "--checkpoint", "mine"]):
+        demo.main(["--out", str(tmp_path), *words])
+    assert [started["checkpoint"] for started in graph.started] == ["default", "multi-open-100", "mine"]
 
 
 def test_a_demo_of_ones_own_sentence(graph: Graph, tmp_path: Path, capsys) -> None:

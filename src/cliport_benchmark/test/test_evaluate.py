@@ -218,8 +218,7 @@ def test_the_agent_without_words_is_the_same_again_and_knows_no_order(expert: Ev
 def test_results_say_which_weights_and_method_they_are_of(tmp_path: Path) -> None:
     """And a network that needs a goal image is refused before an hour is spent on its zeros."""
     settings = EvaluateConfig("default", SEEN, "val", 0, 2).settings()
-    said = settings["method"], settings["own_encoders"], settings["met_surveyed_colors"]
-    assert said == ("multi[open]", True, False)
+    assert (settings["method"], settings["own_encoders"], settings["met_surveyed_colors"]) == ("compact", True, False)
     assert len(settings["weights_sha256"]) == 64
     weights = tmp_path / "policy.safetensors"
     weights.write_bytes(b"")

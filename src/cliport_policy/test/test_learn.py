@@ -9,7 +9,7 @@ import pytest
 
 from cliport_core.action import Primitive
 from cliport_episodes.data_set import DataSet
-from cliport_policy import checkpoint, learn
+from cliport_policy import learn
 from cliport_policy.learn import Lesson, main
 
 MakeEpisode = Callable[..., object]
@@ -99,7 +99,6 @@ def test_it_begins_with_what_can_do_it(
     primitive: Primitive, begins: str,
 ) -> None:  # fmt: skip
     make_episode(tmp_path / "set", "one", primitive=primitive)
-    monkeypatch.setattr(checkpoint, "DEFAULT_NAME", "compact-bowls")  # which knows one primitive
     asked: list[list[str]] = []
     card = SimpleNamespace(made_by={"steps_done": 1, "train": {"steps": 1}})
     monkeypatch.setattr(learn.train, "main", lambda argv: asked.append(argv))
