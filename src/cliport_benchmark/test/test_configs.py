@@ -91,10 +91,11 @@ def test_a_sentence_without_slots_is_said_as_it_is() -> None:
     evaluator._said_as_it_was = False
     own = "put the {block} blocks in a {bowl} bowl"
     task = SimpleNamespace(instruction="own", sentence_pattern=own, sentence_slots={"block": "red", "bowl": "blue"})
-    said = [evaluator._sentence(task, index) for index in (0, 1, 2)]  # type: ignore[arg-type]
+    wording = evaluator.config.wording
+    said = [evaluator._sentence(task, wording, index) for index in (0, 1, 2)]  # type: ignore[arg-type]
     assert said == ["red into blue", "blue: red", "red into blue"] and not evaluator._said_as_it_was
     task.sentence_slots = {}
-    assert evaluator._sentence(task, 0) == "own" and evaluator._said_as_it_was  # type: ignore[arg-type]
+    assert evaluator._sentence(task, wording, 0) == "own" and evaluator._said_as_it_was  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("error", [LayoutError("no place"), PhysicsError("it flew off")])
