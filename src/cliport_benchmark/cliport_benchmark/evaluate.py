@@ -61,6 +61,10 @@ class EvaluateConfig:
             raise OptionError(
                 f"--phrasings, --synonyms and --survey-colors cannot reword {task.name}: its sentences have no slots"
             )
+        if self.survey_colors and task.object_source:
+            raise OptionError(
+                f"--survey-colors cannot paint the things of {task.name}, whose names say their own colours"
+            )
         if self.survey_colors and self.wording.synonyms:
             raise OptionError("--synonyms and --survey-colors name the same colours: give one of them")
 

@@ -16,7 +16,8 @@ from sim_bridge.rendering.appearance import Appearance
 from sim_bridge.scene import Stream, scene_rng
 from sim_bridge.tasks import Task
 
-LEAST_DISTANCE = 30.0  # in CIELAB, between any two colours of a scene, and from the table's
+KEPT = "brown"  # looks and is called as ever: so are boxes, stands and kits, which sentences name too
+LEAST_DISTANCE = 30.0  # in CIELAB, between any two colours of a scene, from brown and from the table's
 _CRUDE = ("shit", "poo", "puke", "vomit", "piss", "snot", "barf", "booger")  # left out
 _TRIES = 1000
 
@@ -28,7 +29,7 @@ def names_of_survey() -> tuple[str, ...]:
 
 
 def draw_colors(task: Task, seed: int) -> dict[str, str]:
-    """Return a name of the survey for each of the benchmark's colours, for the scene of a seed.
+    """Return a name of the survey for each of the benchmark's colours but brown, for the scene of a seed.
 
     Any two of the colours are LEAST_DISTANCE apart in CIELAB at least, so that a person could tell them.
 
@@ -36,16 +37,17 @@ def draw_colors(task: Task, seed: int) -> dict[str, str]:
         OptionError: if no such colours are found.
     """
     rng = scene_rng(task.name, task.split, seed, Stream.PAINT)
+    changed = [color for color in COLORS if color != KEPT]
     names, colors, usable = _usable()
     for _ in range(_TRIES):
         chosen: list[int] = []
         left = usable.copy()
-        while left.any() and len(chosen) < len(COLORS):
+        while left.any() and len(chosen) < len(changed):
             chosen.append(int(rng.choice(np.flatnonzero(left))))
             left &= np.linalg.norm(colors - colors[chosen[-1]], axis=1) >= LEAST_DISTANCE
-        if len(chosen) == len(COLORS):
-            return dict(zip(COLORS, (names[i].replace("/", " ") for i in chosen), strict=True))
-    raise OptionError(f"the survey has no {len(COLORS)} colours that are {LEAST_DISTANCE} apart")
+        if len(chosen) == len(changed):
+            return dict(zip(changed, (names[i].replace("/", " ") for i in chosen), strict=True))
+    raise OptionError(f"the survey has no {len(changed)} colours that are {LEAST_DISTANCE} apart")
 
 
 def paint_of(name: str) -> Rgb:
@@ -61,8 +63,8 @@ def _by_spoken_name() -> dict[str, tuple[float, float, float]]:
 
 @lru_cache(maxsize=1)
 def _usable() -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:
-    """Return names (N), their CIELAB colours (N, 3), and which of them stand out from the table (N,)."""
+    """Return names (N), their CIELAB colours (N, 3), and which of them stand out from the table and brown (N,)."""
     names = names_of_survey()
     colors = lab(255 * np.array([survey()[name] for name in names], np.float32))
-    table = lab(np.array([Appearance().table_rgb], np.float32))
-    return names, colors, np.linalg.norm(colors - table, axis=1) >= LEAST_DISTANCE
+    others = lab(np.array([Appearance().table_rgb, COLORS[KEPT]], np.float32))
+    return names, colors, np.linalg.norm(colors[:, None] - others, axis=2).min(axis=1) >= LEAST_DISTANCE

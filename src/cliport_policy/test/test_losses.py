@@ -150,33 +150,27 @@ class _Turner(_Flat):
 
 
 class _Placer(_Flat):
-    """It scores turns at one place too, and says that a quarter to the left is right, or nothing."""
+    """It scores turns at one place too, and says that a quarter to the left is right."""
 
-    def __init__(self, knows: bool) -> None:
+    def __init__(self) -> None:
         super().__init__(36)
-        self.knows = knows
         self.looked: list[int] = []
 
     def look_for_places(self, images: Tensor, goal: Goal) -> Goal:
         self.looked.append(len(images))
         return goal
 
-    def score_turns(self, images: Tensor, goal: Goal, pick: Tensor, place: Tensor, angles: Tensor) -> Tensor | None:
+    def score_turns(self, images: Tensor, goal: Goal, pick: Tensor, place: Tensor, angles: Tensor) -> Tensor:
         assert angles.shape == (len(images), 36) and pick.shape == place.shape == (len(images), 2)
-        return turn_target(torch.full((len(images),), math.pi / 2), 36).clamp_min(1e-30).log() if self.knows else None
+        return turn_target(torch.full((len(images),), math.pi / 2), 36).clamp_min(1e-30).log()
 
 
 def test_all_rotations_compete_at_the_experts_place_where_that_is_weighed() -> None:
     best = turn_target(torch.tensor([math.pi / 2]), 36)
     entropy = -float((best * best.clamp_min(1e-30).log()).sum())
     assert best.argmax() == 9 and float(best.sum()) == pytest.approx(1) and 0.6 < entropy < 0.7
-    for knows, weight, expected in (
-        (True, 1.0, entropy),
-        (True, 0.5, entropy / 2),
-        (False, 1.0, 0.0),
-        (True, 0.0, 0.0),
-    ):
-        network = _Placer(knows)
+    for weight, expected in ((1.0, entropy), (0.5, entropy / 2), (0.0, 0.0)):
+        network = _Placer()
         losses = compute_losses(network, _batch(4), TrainConfig(turn_weight=weight))  # type: ignore[arg-type]
         assert float(losses.turn) == pytest.approx(expected, rel=1e-4)
         assert network.looked == ([3] if weight else [])

@@ -49,6 +49,7 @@ class PolicyNetwork(nn.Module, ABC):
 
     config: AnyNetworkConfig
     cell_size: int
+    scores_turns = False  # whether score_turns is to be had
     n_null = 1  # logits of the pick that stand for no cell: "done", then "not here" where it is told apart
 
     @property
@@ -108,12 +109,12 @@ class PolicyNetwork(nn.Module, ABC):
         pick: (B, 2). angles: (B, R), relative to the pick's yaw.
         """
 
-    def score_turns(self, images: Tensor, goal: Goal, pick: Tensor, place: Tensor, angles: Tensor) -> Tensor | None:
-        """Return logits (B, R), what score_places says at one place each; None for a network that can't tell it alone.
+    def score_turns(self, images: Tensor, goal: Goal, pick: Tensor, place: Tensor, angles: Tensor) -> Tensor:
+        """Return logits (B, R), what score_places says at one place each, where scores_turns is True.
 
         pick, place: (B, 2). angles: (B, R), relative to the pick's yaw.
         """
-        return None
+        raise NotImplementedError
 
     def score_rotations(self, images: Tensor, goal: Goal, pick: Tensor) -> tuple[Tensor | None, Tensor]:
         """Return score_yaws and score_places at all k rotation bins: (B, k) or None, (B, k, h, w)."""

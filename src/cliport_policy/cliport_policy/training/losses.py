@@ -145,8 +145,6 @@ def _turn_losses(network: PolicyNetwork, batch: Batch, images: Tensor, goal: Goa
     act = batch.acts
     angles = bin_angles(network.config.n_rotations, images.device).expand(len(images), -1)
     logits = network.score_turns(images, goal, batch.pick[act], batch.place[act], angles)
-    if logits is None:
-        return images.new_zeros(len(images))
     return config.turn_weight * soft_cross_entropy(logits.float(), turn_target(batch.rotation[act], angles.shape[1]))
 
 

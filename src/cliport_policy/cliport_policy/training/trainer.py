@@ -22,7 +22,7 @@ from cliport_policy.data.batches import Phrasebook
 from cliport_policy.data.loader import THREADS, Loader, StepBatches
 from cliport_policy.data.mixture import Mixture, Source, SourceSettings
 from cliport_policy.data.recolor import Recoloring
-from cliport_policy.errors import TrainingError
+from cliport_policy.errors import ConfigError, TrainingError
 from cliport_policy.language import ENCODER_NAME, TextEncoder
 from cliport_policy.named_configs import AnyNetworkConfig
 from cliport_policy.networks.factory import build_network, has_fast_bfloat16
@@ -87,6 +87,8 @@ class Trainer:
         network = build_network(network_config).to(group.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
         if network.needs_goal_image:
             config.check_goal_images_stay_true()
+        if config.turn_weight and not network.scores_turns:
+            raise ConfigError(f"turn_weight={config.turn_weight} is for the network multi only: leave it out")
         if initial is not None:
             initial.put_into(network)
         group.share(network)

@@ -29,6 +29,7 @@ class JointNetwork(PolicyNetwork):
 
     config: JointConfig
     cell_size = 2
+    scores_turns = True
 
     def __init__(self, config: JointConfig) -> None:
         super().__init__()
@@ -105,7 +106,7 @@ class JointNetwork(PolicyNetwork):
         """Return the goals with the place decoder's features."""
         return replace(goal, placing=self._placing(images, goal))
 
-    def score_turns(self, images: Tensor, goal: Goal, pick: Tensor, place: Tensor, angles: Tensor) -> Tensor | None:
+    def score_turns(self, images: Tensor, goal: Goal, pick: Tensor, place: Tensor, angles: Tensor) -> Tensor:
         """Return logits (B, R), what score_places says at one place each."""
         return self.transport.turns(self._placing(images, goal), pick, place, angles)
 
