@@ -10,6 +10,7 @@ from typing import Any
 from cliport_benchmark.errors import DataFolderError
 from cliport_benchmark.experiment import RESULT_NAME
 from cliport_benchmark.json_files import read_json, write_json
+from cliport_benchmark.markdown_lines import number, table_line
 from cliport_benchmark.paper_scores import (
     ABLATION_TABLE,
     DEMO_COUNTS,
@@ -89,9 +90,9 @@ def table(scores: Sequence[TestScore]) -> str:
     ]
     for s in scores:
         compared = (s.paper_test, s.paper_val) != (None, None)
-        cells = [s.task, s.method, str(s.n_demos), _number(s.score), _number(s.paper_test), _number(s.chance)]
-        cells += [str(s.episodes), f"{s.val:.1f}", _number(s.paper_val), str(s.step), s.row.name if compared else ""]
-        lines.append("| " + " | ".join(cells) + " |")
+        cells = [s.task, s.method, str(s.n_demos), number(s.score), number(s.paper_test), number(s.chance)]
+        cells += [str(s.episodes), f"{s.val:.1f}", number(s.paper_val), str(s.step), s.row.name if compared else ""]
+        lines.append(table_line(cells))
     lines += [
         "",
         "Mean scores, 0 to 100, of the checkpoint that scored highest on val; `chance` picks and places at random",
@@ -158,7 +159,3 @@ def _plot(scores: Sequence[TestScore], path: Path) -> None:
         panel.set(xscale="log", ylim=(0, 103), title=task, xlabel="demonstrations", ylabel="mean test score")
         panel.legend(fontsize="small", loc="upper center", bbox_to_anchor=(0.5, -0.15))  # names are long
     figure.savefig(path, dpi=120)
-
-
-def _number(value: float | None) -> str:
-    return "" if value is None else f"{value:.1f}"

@@ -1,4 +1,4 @@
-"""Rows of the Markdown tables of the results."""
+"""Rows of the Markdown tables of results and experiments."""
 
 from __future__ import annotations
 
