@@ -10,20 +10,23 @@ from cliport_benchmark.markdown_lines import number, table_line
 from cliport_benchmark.paper_scores import paper_methods, paper_scores
 from sim_bridge.tasks import LANGUAGE_SPLITS
 
+_SHOWN = (TEST, VAL, OWN_OBJECTS)
 _LAST = ("expert", "blind")  # columns after those of the policies
 
 
 def by_split(evaluations: Sequence[Evaluation], demos: int) -> str:
     """Return a table each of test scenes, validation scenes and everyday objects of one's own, where there are any.
 
-    A column is of one agent on the same scenes; an average is given where it has all of its splits.
-    demos: of the paper's columns.
+    What belongs to none of them is counted in a line below. A column is of one agent on the same scenes; an average is
+    given where it has all of its splits. demos: of the paper's columns.
     """
     text: list[str] = []
-    for section in (TEST, VAL, OWN_OBJECTS):
+    for section in _SHOWN:
         here = [evaluation for evaluation in evaluations if evaluation.section is section]
         if here:
             text += [f"## {section.title}", "", *_table(section, here, demos), ""]
+    if others := sum(evaluation.section not in _SHOWN for evaluation in evaluations):
+        text += [f"{others} of other tasks, scenes or looks are not shown here: leave --by-split out to see them.", ""]
     return "\n".join(text)
 
 

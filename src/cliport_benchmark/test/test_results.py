@@ -257,6 +257,8 @@ def test_by_split_has_a_column_for_each_agent_and_averages_of_whole_sets(tmp_pat
     write(tmp_path / "blind.json", task=seen[0], checkpoint="blind", mean_score=3.0, first_seed=100)
     write(tmp_path / "again.json", task=seen[0], checkpoint="mine", mean_score=55.0, first_seed=0)
     write(tmp_path / "own.json", task=OBJECTS, checkpoint="mine", mean_score=70.0, object_set="own objects")
+    write(tmp_path / "survey.json", survey_colors=30.0)
+    write(tmp_path / "demo.json", task=DEMO_TASKS[0])
     assert main([str(tmp_path), "--by-split", "--demos", "100", "--out", str(tmp_path / "r.md")]) == 0
     text = (tmp_path / "r.md").read_text()
     header = next(line for line in text.splitlines() if line.startswith("| split"))
@@ -275,3 +277,4 @@ def test_by_split_has_a_column_for_each_agent_and_averages_of_whole_sets(tmp_pat
     assert float(unseen_average[column]) == pytest.approx(53.0, abs=0.06)
     assert own[OBJECTS][1] == "70.0" and seen[0] not in own
     assert text.count("Mean scores, 0 to 100") == 1
+    assert "\n\n2 of other tasks, scenes or looks are not shown here: leave --by-split out" in text
