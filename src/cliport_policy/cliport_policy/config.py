@@ -69,9 +69,7 @@ class TrainConfig:
     gradient_clip: greatest norm of the gradient; 0 does not clip.
     targets: `soft`, a narrow Gaussian around the expert's pixel and yaw, or `one_hot`.
     rotator_rotations, transport_rotations: number of the k rotations that compete in a sample's softmax, the right one
-    and others drawn at random; 0 takes all.
-    turn_weight: weight of a loss of its own for the rotation at the expert's place, all k of them in one softmax; for
-    networks that score it there alone (`joint`).
+    and others drawn at random; 0 takes all. The aligner's are as many as the rotator's.
     done_share: share of samples that show a finished scene, if there are any.
     absent_share: share of samples whose sentence is exchanged for one about things that are not in the scene; for data
     sets that list what lies on the table.
@@ -101,7 +99,6 @@ class TrainConfig:
     targets: str = "soft"
     rotator_rotations: int = 12
     transport_rotations: int = 4
-    turn_weight: float = 0.0
     done_share: float = 0.15
     absent_share: float = 0.0
     augment_probability: float = 0.6

@@ -27,6 +27,7 @@ class JointConfig:
     gray_share: share of training samples in which encoder and decoders see grey, and colours through these maps only.
     null_actions: 1 for "done", 2 for "done" and "not here" apart.
     chooses_primitive: True predicts the primitive; otherwise it is that of the demonstrations.
+    aligner: True scores the rotation from pick to place on crops around both; otherwise the correlation decides on it.
     """
 
     widths: tuple[int, ...] = (16, 48, 96, 128)
@@ -43,6 +44,7 @@ class JointConfig:
     gray_share: float = 0.4
     null_actions: int = 2
     chooses_primitive: bool = True
+    aligner: bool = False
 
     def __post_init__(self) -> None:
         check_types(self, "network")

@@ -36,7 +36,8 @@ class Scores(NamedTuple):
     """A network's logits for one observation, float32, before any temperature.
 
     picks: (h * w,); nulls: (1 or 2,), of "done" and, where the network tells it apart, of "not here".
-    yaws: (k,) or None; places: (k, h, w) for a pick at pick.pixel.
+    yaws: (k,) or None; places: (k, h, w) for a pick at pick.pixel. turns: (k,), of the rotation from there to the best
+    place where the network has an aligner, or None.
     primitives: (number of primitives,), None where none is chosen.
     """
 
@@ -46,6 +47,7 @@ class Scores(NamedTuple):
     places: Tensor
     pick: Peak
     primitives: Tensor | None = None
+    turns: Tensor | None = None
 
 
 class Policy:
@@ -131,6 +133,10 @@ class Policy:
         pixel = torch.tensor([pick.pixel], dtype=torch.float32)
         yaws, places = network.score_rotations(image, aim, pixel)
         primitives = network.score_primitives(image, aim)
+        place = torch.tensor([self._place_peak(places[0].float()).pixel], dtype=torch.float32)
+        angles = bin_angles(self.card.network.n_rotations)[None]
+        yaw = angles.new_zeros(1) if yaws is None else angles[0][yaws.argmax(1)]
+        turns = network.score_turns(image, aim, pixel, yaw, place, angles)
         return Scores(
             picks,
             nulls,
@@ -138,11 +144,15 @@ class Policy:
             places[0].float(),
             pick,
             None if primitives is None else primitives[0].float(),
+            None if turns is None else turns[0].float(),
         )
 
     def place_peak(self, scores: Scores) -> Peak:
         """Return the best place at its best rotation."""
-        mass = _mass(scores.places)
+        return self._place_peak(scores.places)
+
+    def _place_peak(self, places: Tensor) -> Peak:
+        mass = _mass(places)
         return self.grid.peak(mass[_best_rotation(mass)])
 
     def _decide(self, scores: Scores, with_maps: bool) -> Explanation:
@@ -152,7 +162,9 @@ class Policy:
         place_mass = _mass(scores.places, self.card.temperature("place"))
         yaws = None if scores.yaws is None else _mass(scores.yaws)
         pick_yaw = 0.0 if yaws is None else self._angle(int(yaws.argmax()))
-        place_yaw = math.remainder(pick_yaw + self._angle(_best_rotation(place_mass)), 2 * math.pi)
+        turns = place_mass.sum((1, 2)) if scores.turns is None else _mass(scores.turns)
+        turn = _best_rotation(place_mass) if scores.turns is None else int(turns.argmax())
+        place_yaw = math.remainder(pick_yaw + self._angle(turn), 2 * math.pi)
         nulls = _mass(torch.cat((scores.picks, scores.nulls)))[len(scores.picks) :]
         pick_confidence, place_confidence = pick.confidence(pick_mass), place.confidence(place_mass.sum(0))
         action = PickPlaceAction(
@@ -171,7 +183,7 @@ class Policy:
             maps=self._maps(pick_mass, place_mass.max(0)) if with_maps else None,
             absent_probability=float(nulls[1]) if len(nulls) > 1 else 0.0,
         )
-        return Explanation(inference, yaws, place_mass.sum((1, 2)))
+        return Explanation(inference, yaws, turns)
 
     def _primitive(self, scores: Scores) -> Primitive:
         return self.card.primitive if scores.primitives is None else Primitive(int(scores.primitives.argmax()))

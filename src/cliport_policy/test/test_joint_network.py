@@ -1,5 +1,6 @@
 """The joint network: one look serves all scores, words of colour become maps, and old kinds still load beside it."""
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +23,7 @@ from cliport_policy.networks.joint.color_words import scaled_lab
 from cliport_policy.networks.joint.network import JointNetwork
 from cliport_policy.networks.rotation import bin_angles
 from cliport_policy.observation import observation_tensor
-from cliport_policy.policy import load_policy
+from cliport_policy.policy import Policy, load_policy
 
 SMALL = {
     "widths": (8, 12, 16),
@@ -51,7 +52,7 @@ def _network(**changes: object) -> JointNetwork:
     "changes",
     [
         {}, {"color_words": "none"}, {"color_words": "strict"}, {"gate": False}, {"context_layers": 0},
-        {"null_actions": 1}, {"chooses_primitive": False},
+        {"null_actions": 1}, {"chooses_primitive": False}, {"aligner": False},
     ],
 )  # fmt: skip
 @torch.no_grad()
@@ -63,10 +64,6 @@ def test_one_look_gives_the_scores_that_many_give(changes: dict[str, object]) ->
     pick, angles = torch.full((2, 2), 8.0), bin_angles(8).expand(2, -1)
     assert network.score_picks(images, seen).shape == (2, 16 * 8 + network.n_null)
     assert network.score_places(images, seen, pick, angles).shape == (2, 8, 16, 8)
-    placing = network.look_for_places(images, seen)
-    assert torch.allclose(
-        network.score_places(images, placing, pick, angles), network.score_places(images, seen, pick, angles)
-    )
     for score in (network.score_picks, network.score_primitives):
         apart, together = score(images, goal), score(images, seen)
         assert (apart is None) == (together is None)
@@ -75,20 +72,51 @@ def test_one_look_gives_the_scores_that_many_give(changes: dict[str, object]) ->
     assert torch.allclose(alone, network.score_picks(images, seen)[1:], atol=1e-5)
 
 
-@pytest.mark.parametrize("gate", [True, False])
 @torch.no_grad()
-def test_turns_at_one_place_are_what_the_whole_map_says_there(gate: bool) -> None:
-    network = _network(gate=gate)
-    images = torch.rand(2, 5, 32, 16)
-    goal = network.look(images, network.encode_goal(["put the red blocks in a blue bowl", "align the rope"]))
-    pick, angles = torch.tensor([[8.0, 8.0], [20.0, 3.0]]), bin_angles(8).expand(2, -1)
-    places = network.score_places(images, goal, pick, angles)
-    for row, column in ((4, 3), (0, 0), (15, 7)):
-        middle = torch.tensor([[2 * row + 0.5, 2 * column + 0.5]]).expand(2, -1)
-        turns = network.score_turns(images, goal, pick, middle, angles)
-        assert turns is not None
-        there = places[:, :, row, column]
-        assert torch.allclose(turns - turns.mean(1, keepdim=True), there - there.mean(1, keepdim=True), atol=1e-5)
+def test_an_aligner_sees_pick_and_place_from_the_gripper() -> None:
+    network = _network()
+    images = torch.rand(1, 5, 32, 32)
+    goal = network.encode_goal(["put the red blocks in a blue bowl"])
+    pick, place, angles = torch.tensor([[9.5, 10.5]]), torch.tensor([[20.5, 21.5]]), bin_angles(8)[None]
+    scores = network.score_turns(images, goal, pick, torch.tensor([0.3]), place, angles)
+    assert scores is not None and scores.shape == (1, 8) and float(scores.std()) > 1e-3
+    # By a quarter turn of the whole scene about its middle, from columns to rows, nothing changes for the gripper.
+    turned = torch.rot90(images, -1, (2, 3))
+    pick, place = (torch.stack((pixel[:, 1], 31 - pixel[:, 0]), dim=1) for pixel in (pick, place))
+    again = network.score_turns(turned, goal, pick, torch.tensor([0.3 + torch.pi / 2]), place, angles)
+    assert again is not None and torch.allclose(again, scores, atol=1e-4)
+    half = network.score_turns(turned, goal, pick, torch.tensor([0.3 - torch.pi / 2]), place, angles)
+    assert half is not None and not torch.allclose(half, scores, atol=1e-3), "it sees how the thing lies in the gripper"
+    assert _network(aligner=False).score_turns(images, goal, pick, torch.tensor([0.3]), place, angles) is None
+
+
+@torch.no_grad()
+def test_what_the_aligner_says_is_the_rotation_of_the_action(tmp_path: Path) -> None:
+    network = _network()
+    workspace = WorkspaceSpec(pixel_size=0.0125)
+    asked: list[tuple[torch.Tensor, ...]] = []
+
+    def score_turns(images: torch.Tensor, goal: object, *where: torch.Tensor) -> torch.Tensor:
+        asked.append(where)
+        return -(bin_angles(8)[None] - 3 * torch.pi / 4).abs()
+
+    network.score_turns = score_turns  # type: ignore[assignment,method-assign]
+    encoder = shared_encoder()
+    sentence = "put the red blocks in a blue bowl"
+    policy = Policy(
+        network, encoder.encode_one(sentence).sentence_vectors(), Card(network.config, workspace, "", 0.0), encoder
+    )
+    generator = np.random.default_rng(0)
+    shape = workspace.shape
+    color = generator.integers(0, 255, (*shape, 3), np.uint8)
+    heightmap = Heightmap(color, generator.random(shape, np.float32) * 0.1, np.ones(shape, np.bool_), workspace)
+    explained = policy.explain(heightmap, sentence)
+    inference, action = explained.inference, explained.inference.action
+    assert math.remainder(action.place.yaw - action.pick.yaw, 2 * math.pi) == pytest.approx(3 * math.pi / 4, abs=1e-5)
+    assert explained.rotations.argmax() == 3 and float(explained.rotations.sum()) == pytest.approx(1)
+    ((pick, yaw, place, angles),) = asked
+    assert pick[0].tolist() == list(inference.pick_pixel) and place[0].tolist() == list(inference.place_pixel)
+    assert float(yaw[0]) == pytest.approx(action.pick.yaw % (2 * math.pi), abs=1e-5) and angles.shape == (1, 8)
 
 
 def test_training_hides_colours_from_the_encoder_but_not_from_the_maps() -> None:

@@ -89,6 +89,11 @@ class _Flat(nn.Module):
         self.asked.append(angles)
         return torch.zeros(*angles.shape, 20, 10)
 
+    def score_turns(
+        self, images: Tensor, goal: Goal, pick: Tensor, yaw: Tensor, place: Tensor, angles: Tensor
+    ) -> Tensor | None:
+        return None
+
 
 def _batch(n: int) -> Batch:
     pixels = torch.full((n, 2), 9.0)
@@ -149,31 +154,50 @@ class _Turner(_Flat):
         return super().score_places(images, goal, pick, angles) + 5 * right[..., None, None]
 
 
-class _Placer(_Flat):
-    """It scores turns at one place too, and says that a quarter to the left is right."""
+class _Aligner(_Flat):
+    """It scores the turns at the right place, where a quarter to the left is right, and keeps what it was asked."""
 
     def __init__(self) -> None:
         super().__init__(36)
-        self.looked: list[int] = []
+        self.aligned: list[tuple[Tensor, Tensor, Tensor, Tensor]] = []
 
-    def look_for_places(self, images: Tensor, goal: Goal) -> Goal:
-        self.looked.append(len(images))
-        return goal
+    def score_turns(
+        self, images: Tensor, goal: Goal, pick: Tensor, yaw: Tensor, place: Tensor, angles: Tensor
+    ) -> Tensor:
+        self.aligned.append((pick, yaw, place, angles))
+        best = turn_target(torch.full((len(images),), math.pi / 2), 36)
+        return best.gather(1, torch.round(angles / math.radians(10)).long()).clamp_min(1e-30).log()
 
-    def score_turns(self, images: Tensor, goal: Goal, pick: Tensor, place: Tensor, angles: Tensor) -> Tensor:
-        assert angles.shape == (len(images), 36) and pick.shape == place.shape == (len(images), 2)
-        return turn_target(torch.full((len(images),), math.pi / 2), 36).clamp_min(1e-30).log()
 
-
-def test_all_rotations_compete_at_the_experts_place_where_that_is_weighed() -> None:
+@pytest.mark.parametrize("rotations", [0, 12])
+def test_an_aligner_learns_the_turn_at_the_experts_place(rotations: int) -> None:
     best = turn_target(torch.tensor([math.pi / 2]), 36)
     entropy = -float((best * best.clamp_min(1e-30).log()).sum())
     assert best.argmax() == 9 and float(best.sum()) == pytest.approx(1) and 0.6 < entropy < 0.7
-    for weight, expected in ((1.0, entropy), (0.5, entropy / 2), (0.0, 0.0)):
-        network = _Placer()
-        losses = compute_losses(network, _batch(4), TrainConfig(turn_weight=weight))  # type: ignore[arg-type]
-        assert float(losses.turn) == pytest.approx(expected, rel=1e-4)
-        assert network.looked == ([3] if weight else [])
+    network, batch = _Aligner(), _batch(4)
+    config = TrainConfig(rotator_rotations=rotations, jitter=False)
+    losses = compute_losses(network, batch, config)  # type: ignore[arg-type]
+    ((pick, yaw, place, angles),) = network.aligned
+    assert torch.equal(pick, batch.pick[batch.acts]) and torch.equal(place, batch.place[batch.acts])
+    assert angles.shape == (3, rotations or 36)
+    assert torch.allclose((yaw - batch.pick_yaw[batch.acts]).remainder(math.pi).sin(), torch.zeros(3), atol=1e-5)
+    if not rotations:
+        assert float(losses.turn) == pytest.approx(entropy, rel=1e-4)
+    assert float(losses.total() - losses._replace(turn=torch.zeros(())).total()) == pytest.approx(
+        float(losses.turn), abs=1e-5
+    )
+
+
+def test_an_aligner_learns_from_picks_places_and_yaws_that_are_not_exact() -> None:
+    network, batch = _Aligner(), _batch(40)
+    compute_losses(network, batch, TrainConfig())  # type: ignore[arg-type]
+    ((pick, yaw, place, _),) = network.aligned
+    for off in (pick - batch.pick[batch.acts], place - batch.place[batch.acts]):
+        assert 0.7 < float(off.std()) < 1.3
+    off = (yaw - batch.pick_yaw[batch.acts] + math.pi / 2).remainder(math.pi) - math.pi / 2
+    assert 2.0 < math.degrees(float(off.std())) < 4.5
+    turned = (yaw - batch.pick_yaw[batch.acts]).cos() < 0
+    assert 0.2 < float(turned.float().mean()) < 0.8, "a gripper's yaw is either way round"
 
 
 def test_a_turns_target_is_nearest_round_the_circle() -> None:

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 import torch
+import yaml
 from torch import Tensor, nn
 
 from cliport_policy.config import NetworkConfig
@@ -21,18 +22,21 @@ from cliport_policy.joint_config import JointConfig
 from cliport_policy.named_configs import load_network_config
 from cliport_policy.networks.factory import build_network
 from cliport_policy.networks.policy_network import PolicyNetwork, count_parameters
+from cliport_policy.networks.rotation import bin_angles
 
 SENTENCES = ["put the red blocks in a green bowl", "align the rope"]
 STREAMS = {"width": 0.0625, "crop_pixels": 32, "n_rotations": 6}
 COMPACT = {"widths": (8, 12, 16), "goal_dim": 16, "crop_pixels": 16, "query_cells": 9, "n_rotations": 6}
 JOINT = {**COMPACT, "decoder_width": 12}
-# (spread, wave) of the picks' scores, of the yaws' where there is a rotator, of the places', and of the primitives'.
+# (spread, wave) of the picks' scores, of the yaws' where there is a rotator, of the places', of the primitives', and of
+# the turns' where there is an aligner.
 RECORDED: dict[str, list[tuple[float, float]]] = {
     "compact": [(4.4297, 1.1415), (0.3261, 0.24672), (10.016, 7.9657)],
     "compact_wo_height": [(5.1237, 1.2131), (0.32999, 0.26486), (9.5177, 8.8658)],
     "compact_wo_lang": [(4.6672, 0.35438), (0.35386, 0.28049), (10.429, 11.28)],
-    "multi": [(48.825, 9.4677), (1.1292, 4.0999), (371.47, 64.391), (0.14386, -0.14927)],
-    "multi color_words=none": [(26.9, 2.137), (0.7039, -0.5465), (13819, 3617.1), (0.51131, -0.36871)],
+    "multi": [(11.543, 1.4596), (0.47674, 0.64423), (791.65, -173.87), (1.2412, -0.017773), (0.3681, -0.30189)],
+    "multi aligner=false": [(48.825, 9.4677), (1.1292, 4.0999), (371.47, 64.391), (0.14386, -0.14927)],
+    "multi aligner=false color_words=none": [(26.9, 2.137), (0.7039, -0.5465), (13819, 3617.1), (0.51131, -0.36871)],
     "transporter": [(93.7, 40.245), (126.23, 0.94008)],
     "language_transporter": [(3695.8, -23.018), (20065, 98.468)],
     "cliport rotator=pick": [(31.153, 2.9039), (0.090109, -0.12235), (1.0137, 0.0054258)],
@@ -93,7 +97,8 @@ def _images(batch: int) -> Tensor:
 def _network(name: str) -> PolicyNetwork:
     base, *changes = name.split()
     small = JOINT if base == "multi" else COMPACT if base.startswith("compact") else STREAMS
-    network = build_network(load_network_config(base, {**small, **dict(change.split("=") for change in changes)}))
+    given = {key: yaml.safe_load(value) for key, value in (change.split("=") for change in changes)}
+    network = build_network(load_network_config(base, {**small, **given}))
     _fill(network)
     return network.eval()
 
@@ -105,6 +110,8 @@ def test_fixed_weights_give_the_recorded_scores(name: str) -> None:
     goal = network.look(images, network.encode_goal(SENTENCES, images.flip(0)))
     scores = [network.score_picks(images, goal), *network.score_rotations(images, goal, pick)]
     scores.append(network.score_primitives(images, goal))
+    angles = bin_angles(network.config.n_rotations).expand(2, -1)
+    scores.append(network.score_turns(images, goal, pick, angles[:, 1], pick.flip(0), angles))
     _check([each for each in scores if each is not None], RECORDED[name])
 
 
@@ -130,8 +137,8 @@ def test_encoders_of_fixed_weights_see_and_read_what_they_did() -> None:
 
 
 def test_sizes_of_the_default_networks() -> None:
-    """Those of README.md and docs/training.md: 1.65 and 2.23 million."""
-    for config, count in ((NetworkConfig(), 1_652_206), (JointConfig(), 2_232_797)):
+    """Those of README.md and docs/training.md: 1.65 and 2.29 million."""
+    for config, count in ((NetworkConfig(), 1_652_206), (JointConfig(aligner=True), 2_285_278)):
         assert count_parameters(build_network(config)) == count
 
 

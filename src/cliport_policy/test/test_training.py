@@ -136,14 +136,6 @@ def test_a_goal_image_is_not_falsified(make_flat_set: Callable[..., Path], tmp_p
             _trainer(data, tmp_path / "run", replace(PAPER, **{setting: 0.5}), _streams("image_goal"))
 
 
-def test_a_weight_of_turns_is_refused_where_nothing_would_come_of_it(
-    make_flat_set: Callable[..., Path], tmp_path: Path
-) -> None:
-    data = make_flat_set(tmp_path / "data", 3, actions=2, pixel_size=SMALL)
-    with pytest.raises(ConfigError, match=r"turn_weight=1\.0 is for the network multi only: leave it out"):
-        _trainer(data, tmp_path / "run", replace(CONFIG, turn_weight=1.0), TINY)
-
-
 def test_it_learns(make_flat_set: Callable[..., Path], tmp_path: Path) -> None:
     data = make_flat_set(tmp_path / "data", 6, pixel_size=SMALL)
     config = replace(CONFIG, steps=40, batch_size=8, learning_rate=5e-3, ema_decay=0.5)

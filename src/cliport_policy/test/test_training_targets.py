@@ -25,7 +25,7 @@ from cliport_policy.training.losses import (
 OURS = {
     "steps": 6000, "batch_size": 16, "accumulate": 1, "learning_rate": 2e-3, "weight_decay": 1e-4,
     "schedule": "cosine", "warmup_steps": 200, "ema_decay": 0.998, "gradient_clip": 1.0, "targets": "soft",
-    "rotator_rotations": 12, "transport_rotations": 4, "turn_weight": 0.0, "done_share": 0.15, "absent_share": 0.0,
+    "rotator_rotations": 12, "transport_rotations": 4, "done_share": 0.15, "absent_share": 0.0,
     "augment_probability": 0.6, "rotation_sigma_deg": 60.0, "directed_rotation_sigma_deg": 10.0,
     "translation_sigma_px": 26.67, "recolor": "none", "recolor_probability": 0.7, "rearrange_probability": 0.0,
     "jitter": True, "phrases_per_goal": 200, "precision": "auto", "seed": 0,

@@ -18,8 +18,7 @@ class Goal:
 
     language: (B, D), the sentences' vectors. images: (B, 5, H, W), the finished scenes, if given.
     tokens: (B, T, ...), the words' frozen embeddings, and words, what the network made of them; mask: (B, T), True at
-    a word. seen: features (B, ...) of the observations, which `look` adds; placing: those that score where to place,
-    which `look_for_places` adds.
+    a word. seen: features (B, ...) of the observations, which `look` adds.
     """
 
     language: Tensor | None = None
@@ -27,7 +26,6 @@ class Goal:
     tokens: Tensor | None = None
     words: Tensor | None = None
     mask: Tensor | None = None
-    placing: Tensor | None = None
     seen: tuple[Tensor, ...] = ()
 
     def select(self, index: Tensor) -> Goal:
@@ -49,7 +47,6 @@ class PolicyNetwork(nn.Module, ABC):
 
     config: AnyNetworkConfig
     cell_size: int
-    scores_turns = False  # whether score_turns is to be had
     n_null = 1  # logits of the pick that stand for no cell: "done", then "not here" where it is told apart
 
     @property
@@ -80,10 +77,6 @@ class PolicyNetwork(nn.Module, ABC):
         """Return the goals with what the scores have in common, so that it is computed once; themselves if nothing."""
         return goal
 
-    def look_for_places(self, images: Tensor, goal: Goal) -> Goal:
-        """Return the goals with what score_places and score_turns have in common; themselves if nothing."""
-        return goal
-
     def score_primitives(self, images: Tensor, goal: Goal) -> Tensor | None:
         """Return logits (B, number of primitives); None where the demonstrations' one is taken."""
         return None
@@ -109,12 +102,14 @@ class PolicyNetwork(nn.Module, ABC):
         pick: (B, 2). angles: (B, R), relative to the pick's yaw.
         """
 
-    def score_turns(self, images: Tensor, goal: Goal, pick: Tensor, place: Tensor, angles: Tensor) -> Tensor:
-        """Return logits (B, R), what score_places says at one place each, where scores_turns is True.
+    def score_turns(
+        self, images: Tensor, goal: Goal, pick: Tensor, yaw: Tensor, place: Tensor, angles: Tensor
+    ) -> Tensor | None:
+        """Return logits (B, R) of the rotation from pick to place; None where score_places alone decides on it.
 
-        pick, place: (B, 2). angles: (B, R), relative to the pick's yaw.
+        pick, place: (B, 2). yaw: (B,), the gripper's at the pick. angles: (B, R), relative to it.
         """
-        raise NotImplementedError
+        return None
 
     def score_rotations(self, images: Tensor, goal: Goal, pick: Tensor) -> tuple[Tensor | None, Tensor]:
         """Return score_yaws and score_places at all k rotation bins: (B, k) or None, (B, k, h, w)."""

@@ -15,6 +15,7 @@ from cliport_policy.networks.policy_network import Goal, PolicyNetwork
 from cliport_policy.networks.rotation import bin_angles
 
 YAW_SIGMA = math.radians(5.0)  # softness of the targets of yaws and turns: half a bin
+HELD_SIGMA = math.radians(3.0)  # of the rotator's yaws around the right ones
 CELL_SIGMA = 0.8  # softness of the pick's and the place's target, in cells
 
 
@@ -23,7 +24,7 @@ class Losses(NamedTuple):
 
     locator, done and absent are of the pick's softmax, summed over samples with an action, samples that are finished,
     and samples whose sentence names what is not there, each over the number of all samples; the others are means over
-    the samples with an action. turn is weighted already.
+    the samples with an action. turn is the aligner's.
     """
 
     locator: Tensor
@@ -43,7 +44,7 @@ class Losses(NamedTuple):
 def compute_losses(
     network: PolicyNetwork, batch: Batch, config: TrainConfig, samples: int | None = None, actions: int | None = None
 ) -> Losses:
-    """Return the losses of a batch of any network; 0 for a rotator that it lacks.
+    """Return the losses of a batch of any network; 0 for a rotator or an aligner that it lacks.
 
     samples, actions: numbers of the whole step if this batch is a part of one: the parts' losses sum up to the whole's.
     """
@@ -60,10 +61,8 @@ def compute_losses(
     noise = _SampleNoise(batch.seeds[act.cpu()], network.config.n_rotations, batch.images.device)
     images, goal = batch.images[act], goal.select(act)
     rotator = _rotator_losses(network, batch, images, goal, config, noise).sum() / n_actions
-    if config.turn_weight:
-        goal = network.look_for_places(images, goal)
-    turn = _turn_losses(network, batch, images, goal, config).sum() / n_actions
     transport = _transport_losses(network, batch, images, goal, size, config, noise).sum() / n_actions
+    turn = _turn_losses(network, batch, images, goal, config, noise).sum() / n_actions
     primitive = _primitive_losses(network, batch, images, goal).sum() / n_actions
     return Losses(by_kind[0], rotator, transport, by_kind[1], by_kind[2], primitive, turn)
 
@@ -91,13 +90,18 @@ def _primitive_losses(network: PolicyNetwork, batch: Batch, images: Tensor, goal
 class _SampleNoise:
     """Random numbers of each sample's own seed, so that they do not depend on how samples are batched.
 
-    pick: (A, 2) standard normal; yaws, places: (A, k) uniform.
+    pick: (A, 2) standard normal; yaws, places: (A, k) uniform. For the aligner, turns: (A, k) uniform; half_turn: (A,)
+    0 or 1; near: (A, 2, 2) pixels off the pick and the place; held: (A,) rad off the yaw.
     """
 
     def __init__(self, seeds: Tensor, k: int, device: torch.device) -> None:
         generators = [torch.Generator().manual_seed(int(seed)) for seed in seeds]
         self.pick = torch.stack([torch.randn(2, generator=g) for g in generators]).to(device)
         self.yaws, self.places = torch.stack([torch.rand(2, k, generator=g) for g in generators], dim=1).to(device)
+        self.turns = torch.stack([torch.rand(k, generator=g) for g in generators]).to(device)
+        self.half_turn = torch.stack([torch.randint(2, (), generator=g) for g in generators]).to(device)
+        self.near = torch.stack([torch.randn(2, 2, generator=g) for g in generators]).to(device)
+        self.held = torch.stack([torch.randn((), generator=g) * HELD_SIGMA for g in generators]).to(device)
 
 
 def _rotator_losses(
@@ -138,14 +142,22 @@ def _transport_losses(
     return logits.flatten(1).logsumexp(1) - (target * at_right).sum((1, 2))
 
 
-def _turn_losses(network: PolicyNetwork, batch: Batch, images: Tensor, goal: Goal, config: TrainConfig) -> Tensor:
-    """Return the weighted losses (A,) of the rotation at the expert's place, of the samples with an action."""
-    if not config.turn_weight:
+def _turn_losses(
+    network: PolicyNetwork, batch: Batch, images: Tensor, goal: Goal, config: TrainConfig, noise: _SampleNoise
+) -> Tensor:
+    """Return the losses (A,) of the samples with an action; 0 for a network that has no aligner."""
+    act, k = batch.acts, network.config.n_rotations
+    bins = turn_target(batch.rotation[act], k)  # (A, k)
+    chosen, _ = _draw_competitors(bins.argmax(1), noise.turns, config.rotator_rotations)
+    # Predicted pixels and yaws are not exact, and a parallel gripper may hold the thing the other way round.
+    yaw = batch.pick_yaw[act].float() + noise.held * config.jitter + math.pi * noise.half_turn
+    off_pick, off_place = (noise.near * config.jitter).unbind(1)
+    pick, place = batch.pick[act] + off_pick, batch.place[act] + off_place
+    logits = network.score_turns(images, goal, pick, yaw, place, bin_angles(k, images.device)[chosen])
+    if logits is None:
         return images.new_zeros(len(images))
-    act = batch.acts
-    angles = bin_angles(network.config.n_rotations, images.device).expand(len(images), -1)
-    logits = network.score_turns(images, goal, batch.pick[act], batch.place[act], angles)
-    return config.turn_weight * soft_cross_entropy(logits.float(), turn_target(batch.rotation[act], angles.shape[1]))
+    target = bins.gather(1, chosen)
+    return soft_cross_entropy(logits.float(), target / target.sum(1, keepdim=True))
 
 
 def _cells(pixels: Tensor, size: tuple[int, int], cell: int, config: TrainConfig) -> Tensor:

@@ -69,8 +69,8 @@ def _check_settings(begun: dict[str, Any], given: dict[str, Any]) -> None:
     was, now = _flatten(begun), _flatten(json.loads(json.dumps(given)))
     was.setdefault("primitive", now.get("primitive"))  # earlier versions did not write it down
     was.setdefault("train.absent_share", 0.0)  # nor could they do this
-    if "train.turn_weight" in now:
-        was.setdefault("train.turn_weight", 0.0)
+    if "network.aligner" in now:
+        was.setdefault("network.aligner", False)
     if "network.mask" in now:
         was.setdefault("network.mask", True)  # nor leave the mask away
     for name in sorted(was.keys() | now.keys()):

@@ -8,8 +8,8 @@ from cliport_policy.networks.compact.unet import Downsample, FilmResidualBlock
 from cliport_policy.networks.rotation import rotated_windows
 
 
-class Rotator(nn.Module):
-    """Small CNN that scores the crop, turned by each angle; the right one shows the object aligned with the gripper."""
+class CropScorer(nn.Module):
+    """Small CNN that gives each of several crops a score."""
 
     def __init__(self, channels_in: int, goal_dim: int, crop_pixels: int, width: int = 16) -> None:
         super().__init__()
@@ -20,15 +20,22 @@ class Rotator(nn.Module):
         self.block = FilmResidualBlock(2 * width, goal_dim)
         self.head = nn.Linear(2 * width * (crop_pixels // 8) ** 2, 1)
 
-    def forward(self, x: Tensor, goal: Tensor, pick: Tensor, angles: Tensor) -> Tensor:
-        """Return logits (B, R).
-
-        x: (B, C, H, W). goal: (B, G). pick: (B, 2) float pixel (row, col). angles: (B, R) rad.
-        """
-        crops = rotated_windows(x, pick, angles, self.crop_pixels)  # (B, R, C, side, side)
+    def forward(self, crops: Tensor, goal: Tensor) -> Tensor:
+        """Return logits (B, R) of crops (B, R, C, side, side) and goals (B, G)."""
         batch, n = crops.shape[:2]
         y = crops.flatten(0, 1)
         for down in self.down:
             y = down(y)
         y = self.block(y, goal.repeat_interleave(n, dim=0))
         return self.head(y.flatten(1)).reshape(batch, n)
+
+
+class Rotator(CropScorer):
+    """Scorer of the crop around the pick, turned by each angle; the right one shows the object along the gripper."""
+
+    def forward(self, x: Tensor, goal: Tensor, pick: Tensor, angles: Tensor) -> Tensor:  # type: ignore[override]
+        """Return logits (B, R).
+
+        x: (B, C, H, W). goal: (B, G). pick: (B, 2) float pixel (row, col). angles: (B, R) rad.
+        """
+        return super().forward(rotated_windows(x, pick, angles, self.crop_pixels), goal)

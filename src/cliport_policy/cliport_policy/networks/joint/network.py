@@ -14,6 +14,7 @@ from cliport_policy.joint_config import JointConfig
 from cliport_policy.language import shared_encoder
 from cliport_policy.networks.compact.goal_reader import GoalReader
 from cliport_policy.networks.compact.rotator import Rotator
+from cliport_policy.networks.joint.aligner import Aligner
 from cliport_policy.networks.joint.color_maps import ColorMaps, without_colors
 from cliport_policy.networks.joint.transport import GatedTransport
 from cliport_policy.networks.joint.trunk import Decoder, Encoder, pooled
@@ -25,11 +26,10 @@ _COLOR_POOL = 8  # cells along the side of a patch that must be of a colour for 
 
 
 class JointNetwork(PolicyNetwork):
-    """Encoder that the goal modulates, decoders for picks and places, a rotator of its own, and heads on the whole."""
+    """Encoder that the goal modulates, decoders for picks and places, rotator and aligner on crops, and heads."""
 
     config: JointConfig
     cell_size = 2
-    scores_turns = True
 
     def __init__(self, config: JointConfig) -> None:
         super().__init__()
@@ -48,6 +48,7 @@ class JointNetwork(PolicyNetwork):
             config.decoder_width, config.transport_channels, config.query_cells, config.gate
         )
         self.rotator = Rotator(CHANNELS, goal_dim, config.crop_pixels)
+        self.aligner = Aligner(CHANNELS, goal_dim, config.crop_pixels) if config.aligner else None
         whole = 2 * config.widths[-1] + goal_dim + n_maps
         self.null_head = _head(whole, config.null_actions)
         self.primitive_head = _head(whole, len(Primitive)) if config.chooses_primitive else None
@@ -100,22 +101,14 @@ class JointNetwork(PolicyNetwork):
 
     def score_places(self, images: Tensor, goal: Goal, pick: Tensor, angles: Tensor) -> Tensor:
         """Return logits (B, R, h, w)."""
-        return self.transport(self._placing(images, goal), pick, angles)
-
-    def look_for_places(self, images: Tensor, goal: Goal) -> Goal:
-        """Return the goals with the place decoder's features."""
-        return replace(goal, placing=self._placing(images, goal))
-
-    def score_turns(self, images: Tensor, goal: Goal, pick: Tensor, place: Tensor, angles: Tensor) -> Tensor:
-        """Return logits (B, R), what score_places says at one place each."""
-        return self.transport.turns(self._placing(images, goal), pick, place, angles)
-
-    def _placing(self, images: Tensor, goal: Goal) -> Tensor:
-        if goal.placing is not None:
-            return goal.placing
         goal = self._seen(images, goal)
-        features: Tensor = self.place_decoder(goal.seen[:-1], goal.language)
-        return features
+        return self.transport(self.place_decoder(goal.seen[:-1], goal.language), pick, angles)
+
+    def score_turns(
+        self, images: Tensor, goal: Goal, pick: Tensor, yaw: Tensor, place: Tensor, angles: Tensor
+    ) -> Tensor | None:
+        """Return logits (B, R), or None without an aligner."""
+        return None if self.aligner is None else self.aligner(images, goal.language, pick, yaw, place, angles)
 
     def _seen(self, images: Tensor, goal: Goal) -> Goal:
         return goal if goal.seen else self.look(images, goal)

@@ -37,25 +37,15 @@ class GatedTransport(nn.Module):
         half_turns = are_opposite_pairs(angles)
         if half_turns:
             angles = angles[:, : angles.shape[1] // 2]
-        window = self._windows(query, pick, angles)
+        # An object in the gripper turns by +angle if its window is cut at -angle.
+        window = rotated_windows(query, _cell(pick), -angles, self.query_cells)
+        window = window * (self._window_weight(query.device) * self.log_scale.exp())  # (B, R, C, q, q)
         picked = rotated_windows(features.float(), _cell(pick), angles[:, :1] * 0, 1).flatten(1)  # (B, width)
         bias = (
             self.bias(features).float()
             + torch.einsum("bchw,bc->bhw", features.float(), self.at_pick(picked).float())[:, None]
         )
         return correlate_centered(key, window, half_turns).add_(bias)
-
-    def turns(self, features: Tensor, pick: Tensor, place: Tensor, angles: Tensor) -> Tensor:
-        """Return what `forward` says at one place each (B, 2), but for what is the same at all angles: (B, R)."""
-        key, query = self._gated(self.key(features)), self._gated(self.query(features))
-        there = rotated_windows(key, _cell(place), angles[:, :1] * 0, self.query_cells)  # (B, 1, C, q, q)
-        return (self._windows(query, pick, angles) * there).sum((2, 3, 4))
-
-    def _windows(self, query: Tensor, pick: Tensor, angles: Tensor) -> Tensor:
-        """Return weighted windows of the query at the picks, turned: (B, R, C, q, q)."""
-        # An object in the gripper turns by +angle if its window is cut at -angle.
-        window = rotated_windows(query, _cell(pick), -angles, self.query_cells)
-        return window * (self._window_weight(query.device) * self.log_scale.exp())
 
     def _gated(self, x: Tensor) -> Tensor:
         x = x.float()

@@ -1,0 +1,33 @@
+"""Aligner: a score for each rotation from pick to place, of what the gripper holds and what it would look down on."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor, nn
+
+from cliport_policy.networks.compact.rotator import CropScorer
+from cliport_policy.networks.rotation import rotated_windows
+
+
+class Aligner(nn.Module):
+    """Small CNN that scores the crops around pick and place together, both in the gripper's frame.
+
+    The crop around the pick is turned by the gripper's yaw there, the one around the place by its yaw after each
+    rotation. Where a rotation is right they fit: the thing lies on its hole, edges along edges.
+    """
+
+    def __init__(self, channels_in: int, goal_dim: int, crop_pixels: int) -> None:
+        super().__init__()
+        self.crop_pixels = crop_pixels
+        self.scorer = CropScorer(2 * channels_in, goal_dim, crop_pixels)
+
+    def forward(self, x: Tensor, goal: Tensor, pick: Tensor, yaw: Tensor, place: Tensor, angles: Tensor) -> Tensor:
+        """Return logits (B, R).
+
+        x: (B, C, H, W). goal: (B, G). pick, place: (B, 2) float pixel (row, col). yaw: (B,) rad, of the gripper at the
+        pick. angles: (B, R) rad, relative to it.
+        """
+        held = rotated_windows(x, pick, yaw[:, None], self.crop_pixels)  # (B, 1, C, side, side)
+        below = rotated_windows(x, place, yaw[:, None] + angles, self.crop_pixels)  # (B, R, C, side, side)
+        scores: Tensor = self.scorer(torch.cat((held.expand_as(below), below), dim=2), goal)
+        return scores
