@@ -53,8 +53,7 @@ class Explanation:
     """An inference with its maps, and what was thought of the rotations, bin i standing for i * 360 / k degrees.
 
     yaws: (k,) float32, probability of each gripper yaw at the pick; None for a network without a rotator.
-    rotations: (k,) float32, probability of each rotation from pick to place: an aligner's at the place that was chosen,
-    or the transport's over all places.
+    rotations: (k,) float32, probability of each rotation from pick to place, over all places.
     """
 
     inference: Inference

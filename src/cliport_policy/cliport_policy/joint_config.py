@@ -27,7 +27,8 @@ class JointConfig:
     gray_share: share of training samples in which encoder and decoders see grey, and colours through these maps only.
     null_actions: 1 for "done", 2 for "done" and "not here" apart.
     chooses_primitive: True predicts the primitive; otherwise it is that of the demonstrations.
-    aligner: True scores the rotation from pick to place on crops around both; otherwise the correlation decides on it.
+    aligner: True scores the likeliest places and the rotations there on crops around both; otherwise the correlation
+    decides alone.
     """
 
     widths: tuple[int, ...] = (16, 48, 96, 128)

@@ -1,16 +1,20 @@
-"""Best cell of a map of scores, as a pixel, and the disc around it that its confidence is summed over."""
+"""Best cells of a map of scores, as pixels, and the discs around them that confidences are summed over."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+import torch
 from numpy.typing import NDArray
+from torch import Tensor
 
 from cliport_core.workspace import WorkspaceSpec
 
 CONFIDENCE_RADIUS = 0.03  # m
+_NOTHING = 1e-9  # of a distribution: less than this is no place
 
 
 class Peak(NamedTuple):
@@ -64,9 +68,46 @@ class CellGrid:
         )
         return Peak(pixel, self.disc((row, col)))
 
+    def peaks(self, mass: NDArray[np.float32], count: int, least: float) -> tuple[Peak, ...]:
+        """Return the best places of a distribution over rotations and cells (k, h, w), the best first, 3 cm apart.
+
+        At most count of them, and after the first only such as have a share of at least `least`. No cell is near two.
+        """
+        left, found = mass.copy(), list[Peak]()
+        taken = np.zeros(self.shape, np.bool_)
+        while len(found) < count and (not found or float(left.sum()) >= max(least, _NOTHING)):
+            pixel, near = self.peak(left[best_rotation(left)])
+            peak = Peak(pixel, near & ~taken)
+            if found and float(left[:, peak.near].sum()) < least:
+                break
+            found.append(peak)
+            left[:, near], taken[near] = 0.0, True
+        return tuple(found)
+
     def disc(self, cell: tuple[int, int]) -> NDArray[np.bool_]:
         """Return the cells within 3 cm of a cell: (h, w) bool."""
         radius = CONFIDENCE_RADIUS / (self.cell_size * self.workspace.pixel_size)
         rows, cols = np.ogrid[: self.shape[0], : self.shape[1]]
         disc: NDArray[np.bool_] = (rows - cell[0]) ** 2 + (cols - cell[1]) ** 2 <= radius**2
         return disc
+
+
+def best_rotation(mass: NDArray[np.float32]) -> int:
+    """Return the rotation of the likeliest cell of a distribution (k, h, w)."""
+    return int(np.unravel_index(mass.argmax(), mass.shape)[0])
+
+
+def with_fits(places: Tensor, candidates: Sequence[Peak], fits: Tensor) -> Tensor:
+    """Return logits of places (k, h, w) with logits of fits (n, k) at n candidates on top.
+
+    Around each candidate the cells keep their shares among each other, and the rotations get those that their fits say.
+    The candidates' shares are dealt out anew by how well they fit; all other cells keep theirs.
+    """
+    joint = places.clone()
+    total = places.logsumexp((0, 1, 2))
+    cells = [torch.from_numpy(peak.near) for peak in candidates]
+    shares = torch.stack([places[:, near].logsumexp((0, 1)) - total for near in cells])  # (n,) logarithms
+    dealt = (shares + fits.logsumexp(1)).log_softmax(0) + shares.logsumexp(0)
+    for near, was, becomes, turns in zip(cells, shares, dealt, fits.log_softmax(1), strict=True):
+        joint[:, near] = places[:, near].logsumexp(0) + turns[:, None] + (becomes - was)
+    return joint

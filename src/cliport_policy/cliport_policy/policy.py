@@ -24,11 +24,13 @@ from cliport_policy.inference import AffordanceMaps, Explanation, Inference
 from cliport_policy.language import ENCODER_NAME, TextEncoder, TokenEmbeddings, shared_encoder
 from cliport_policy.memory import release_unused
 from cliport_policy.networks.factory import compile_network, restore_network
-from cliport_policy.networks.policy_network import PolicyNetwork
+from cliport_policy.networks.policy_network import Goal, PolicyNetwork
 from cliport_policy.networks.rotation import bin_angles
 from cliport_policy.observation import observation_tensor
-from cliport_policy.peaks import CellGrid, Peak
+from cliport_policy.peaks import CellGrid, Peak, best_rotation, with_fits
 
+_CANDIDATES = 4  # places at most that an aligner is asked about,
+_LEAST_SHARE = 0.02  # and after the first only those that are as likely as this
 _WARM_UP = "put the red blocks in the green bowl"
 
 
@@ -36,8 +38,7 @@ class Scores(NamedTuple):
     """A network's logits for one observation, float32, before any temperature.
 
     picks: (h * w,); nulls: (1 or 2,), of "done" and, where the network tells it apart, of "not here".
-    yaws: (k,) or None; places: (k, h, w) for a pick at pick.pixel. turns: (k,), of the rotation from there to the best
-    place where the network has an aligner, or None.
+    yaws: (k,) or None; places: (k, h, w) for a pick at pick.pixel, an aligner's part with them.
     primitives: (number of primitives,), None where none is chosen.
     """
 
@@ -47,7 +48,6 @@ class Scores(NamedTuple):
     places: Tensor
     pick: Peak
     primitives: Tensor | None = None
-    turns: Tensor | None = None
 
 
 class Policy:
@@ -132,11 +132,9 @@ class Policy:
         pick = self.grid.peak(_mass(picks).reshape(self.grid.shape))
         pixel = torch.tensor([pick.pixel], dtype=torch.float32)
         yaws, places = network.score_rotations(image, aim, pixel)
+        if network.has_aligner:
+            places = self._with_fits(image, aim, pixel, yaws, places)
         primitives = network.score_primitives(image, aim)
-        place = torch.tensor([self._place_peak(places[0].float()).pixel], dtype=torch.float32)
-        angles = bin_angles(self.card.network.n_rotations)[None]
-        yaw = angles.new_zeros(1) if yaws is None else angles[0][yaws.argmax(1)]
-        turns = network.score_turns(image, aim, pixel, yaw, place, angles)
         return Scores(
             picks,
             nulls,
@@ -144,16 +142,21 @@ class Policy:
             places[0].float(),
             pick,
             None if primitives is None else primitives[0].float(),
-            None if turns is None else turns[0].float(),
         )
+
+    def _with_fits(self, image: Tensor, goal: Goal, pick: Tensor, yaws: Tensor | None, places: Tensor) -> Tensor:
+        """Return the places' logits (1, k, h, w), with what an aligner thinks of the likeliest."""
+        candidates = self.grid.peaks(_mass(places[0].float()), _CANDIDATES, _LEAST_SHARE)
+        angles = bin_angles(self.card.network.n_rotations)
+        yaw = angles[:1] if yaws is None else angles[yaws.argmax(1)]
+        pairs = torch.tensor([[peak.pixel for peak in candidates for _ in angles]], dtype=torch.float32)
+        fits = self._network.score_fits(image, goal, pick, yaw, pairs, angles.repeat(len(candidates))[None])
+        return with_fits(places[0].float(), candidates, fits[0].float().reshape(len(candidates), -1))[None]
 
     def place_peak(self, scores: Scores) -> Peak:
         """Return the best place at its best rotation."""
-        return self._place_peak(scores.places)
-
-    def _place_peak(self, places: Tensor) -> Peak:
-        mass = _mass(places)
-        return self.grid.peak(mass[_best_rotation(mass)])
+        mass = _mass(scores.places)
+        return self.grid.peak(mass[best_rotation(mass)])
 
     def _decide(self, scores: Scores, with_maps: bool) -> Explanation:
         """Choose the action. Temperatures change how sure the policy is, not what it does."""
@@ -162,9 +165,7 @@ class Policy:
         place_mass = _mass(scores.places, self.card.temperature("place"))
         yaws = None if scores.yaws is None else _mass(scores.yaws)
         pick_yaw = 0.0 if yaws is None else self._angle(int(yaws.argmax()))
-        turns = place_mass.sum((1, 2)) if scores.turns is None else _mass(scores.turns)
-        turn = _best_rotation(place_mass) if scores.turns is None else int(turns.argmax())
-        place_yaw = math.remainder(pick_yaw + self._angle(turn), 2 * math.pi)
+        place_yaw = math.remainder(pick_yaw + self._angle(best_rotation(place_mass)), 2 * math.pi)
         nulls = _mass(torch.cat((scores.picks, scores.nulls)))[len(scores.picks) :]
         pick_confidence, place_confidence = pick.confidence(pick_mass), place.confidence(place_mass.sum(0))
         action = PickPlaceAction(
@@ -183,7 +184,7 @@ class Policy:
             maps=self._maps(pick_mass, place_mass.max(0)) if with_maps else None,
             absent_probability=float(nulls[1]) if len(nulls) > 1 else 0.0,
         )
-        return Explanation(inference, yaws, turns)
+        return Explanation(inference, yaws, place_mass.sum((1, 2)))
 
     def _primitive(self, scores: Scores) -> Primitive:
         return self.card.primitive if scores.primitives is None else Primitive(int(scores.primitives.argmax()))
@@ -233,11 +234,6 @@ def _mass(logits: Tensor, temperature: float = 1.0) -> NDArray[np.float32]:
     """Return the softmax over all of a tensor, in its shape."""
     mass: NDArray[np.float32] = F.softmax((logits / temperature).flatten(), dim=0).reshape(logits.shape).numpy()
     return mass
-
-
-def _best_rotation(mass: NDArray[np.float32]) -> int:
-    """Return the rotation of the likeliest cell of a distribution (k, h, w)."""
-    return int(np.unravel_index(mass.argmax(), mass.shape)[0])
 
 
 def load_policy(path_or_name: str | Path = "default", precision: str = "auto", compiled: bool = False) -> Policy:

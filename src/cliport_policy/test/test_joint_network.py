@@ -77,46 +77,48 @@ def test_an_aligner_sees_pick_and_place_from_the_gripper() -> None:
     network = _network()
     images = torch.rand(1, 5, 32, 32)
     goal = network.encode_goal(["put the red blocks in a blue bowl"])
-    pick, place, angles = torch.tensor([[9.5, 10.5]]), torch.tensor([[20.5, 21.5]]), bin_angles(8)[None]
-    scores = network.score_turns(images, goal, pick, torch.tensor([0.3]), place, angles)
-    assert scores is not None and scores.shape == (1, 8) and float(scores.std()) > 1e-3
+    pick, angles = torch.tensor([[9.5, 10.5]]), bin_angles(8)[None]
+    places = torch.tensor([[20.5, 21.5]]).expand(1, 8, 2)
+    scores = network.score_fits(images, goal, pick, torch.tensor([0.3]), places, angles)
+    assert scores.shape == (1, 8) and float(scores.std()) > 1e-3
     # By a quarter turn of the whole scene about its middle, from columns to rows, nothing changes for the gripper.
     turned = torch.rot90(images, -1, (2, 3))
-    pick, place = (torch.stack((pixel[:, 1], 31 - pixel[:, 0]), dim=1) for pixel in (pick, place))
-    again = network.score_turns(turned, goal, pick, torch.tensor([0.3 + torch.pi / 2]), place, angles)
-    assert again is not None and torch.allclose(again, scores, atol=1e-4)
-    half = network.score_turns(turned, goal, pick, torch.tensor([0.3 - torch.pi / 2]), place, angles)
-    assert half is not None and not torch.allclose(half, scores, atol=1e-3), "it sees how the thing lies in the gripper"
-    assert _network(aligner=False).score_turns(images, goal, pick, torch.tensor([0.3]), place, angles) is None
+    pick, places = (torch.stack((pixel[..., 1], 31 - pixel[..., 0]), dim=-1) for pixel in (pick, places))
+    again = network.score_fits(turned, goal, pick, torch.tensor([0.3 + torch.pi / 2]), places, angles)
+    assert torch.allclose(again, scores, atol=1e-4)
+    half = network.score_fits(turned, goal, pick, torch.tensor([0.3 - torch.pi / 2]), places, angles)
+    assert not torch.allclose(half, scores, atol=1e-3), "it sees how the thing lies in the gripper"
+    one = network.score_fits(turned, goal, pick, torch.tensor([0.3 + torch.pi / 2]), places[:, 3:4], angles[:, 3:4])
+    assert torch.allclose(one, scores[:, 3:4], atol=1e-4)
+    assert network.has_aligner and not _network(aligner=False).has_aligner
 
 
 @torch.no_grad()
-def test_what_the_aligner_says_is_the_rotation_of_the_action(tmp_path: Path) -> None:
+def test_what_the_aligner_says_is_the_rotation_of_the_action() -> None:
     network = _network()
     workspace = WorkspaceSpec(pixel_size=0.0125)
     asked: list[tuple[torch.Tensor, ...]] = []
 
-    def score_turns(images: torch.Tensor, goal: object, *where: torch.Tensor) -> torch.Tensor:
+    def score_fits(images: torch.Tensor, goal: object, *where: torch.Tensor) -> torch.Tensor:
         asked.append(where)
-        return -(bin_angles(8)[None] - 3 * torch.pi / 4).abs()
+        return -5 * (where[-1] - 3 * torch.pi / 4).abs()
 
-    network.score_turns = score_turns  # type: ignore[assignment,method-assign]
+    network.score_fits = score_fits  # type: ignore[assignment,method-assign]
     encoder = shared_encoder()
     sentence = "put the red blocks in a blue bowl"
-    policy = Policy(
-        network, encoder.encode_one(sentence).sentence_vectors(), Card(network.config, workspace, "", 0.0), encoder
-    )
+    card, anchors = Card(network.config, workspace, "", 0.0), encoder.encode_one(sentence).sentence_vectors()
     generator = np.random.default_rng(0)
     shape = workspace.shape
     color = generator.integers(0, 255, (*shape, 3), np.uint8)
     heightmap = Heightmap(color, generator.random(shape, np.float32) * 0.1, np.ones(shape, np.bool_), workspace)
-    explained = policy.explain(heightmap, sentence)
-    inference, action = explained.inference, explained.inference.action
+    action = Policy(network, anchors, card, encoder).infer(heightmap, sentence).action
     assert math.remainder(action.place.yaw - action.pick.yaw, 2 * math.pi) == pytest.approx(3 * math.pi / 4, abs=1e-5)
-    assert explained.rotations.argmax() == 3 and float(explained.rotations.sum()) == pytest.approx(1)
-    ((pick, yaw, place, angles),) = asked
-    assert pick[0].tolist() == list(inference.pick_pixel) and place[0].tolist() == list(inference.place_pixel)
-    assert float(yaw[0]) == pytest.approx(action.pick.yaw % (2 * math.pi), abs=1e-5) and angles.shape == (1, 8)
+    ((pick, yaw, places, angles),) = asked
+    assert workspace.pixel_to_xy(*map(int, pick[0])) == pytest.approx((action.pick.x, action.pick.y))
+    assert float(yaw[0]) == pytest.approx(action.pick.yaw % (2 * math.pi), abs=1e-5)
+    assert places.shape == (1, 8 * len(places[0].unique(dim=0)), 2) and angles.shape == places.shape[:2]
+    assert torch.equal(angles[0], bin_angles(8).repeat(len(angles[0]) // 8))
+    assert torch.equal(places[0, 0], places[0, 7]) and len(places[0]) <= 4 * 8
 
 
 def test_training_hides_colours_from_the_encoder_but_not_from_the_maps() -> None:

@@ -10,11 +10,14 @@ from cliport_policy.config import NetworkConfig, TrainConfig
 from cliport_policy.data.batches import Batch
 from cliport_policy.networks.policy_network import Goal
 from cliport_policy.training.losses import (
+    WRONG_PLACES,
+    WRONG_TURNS,
     cell_label,
     compute_losses,
     soft_cells,
     soft_cross_entropy,
     turn_target,
+    wrong_places,
     yaw_label,
     yaw_target,
 )
@@ -64,6 +67,7 @@ class _Flat(nn.Module):
 
     cell_size = 2
     n_null = 1
+    has_aligner = False
 
     def __init__(self, k: int = 8) -> None:
         super().__init__()
@@ -88,11 +92,6 @@ class _Flat(nn.Module):
     def score_places(self, images: Tensor, goal: Goal, pick: Tensor, angles: Tensor) -> Tensor:
         self.asked.append(angles)
         return torch.zeros(*angles.shape, 20, 10)
-
-    def score_turns(
-        self, images: Tensor, goal: Goal, pick: Tensor, yaw: Tensor, place: Tensor, angles: Tensor
-    ) -> Tensor | None:
-        return None
 
 
 def _batch(n: int) -> Batch:
@@ -155,18 +154,21 @@ class _Turner(_Flat):
 
 
 class _Aligner(_Flat):
-    """It scores the turns at the right place, where a quarter to the left is right, and keeps what it was asked."""
+    """It says that the right place fits at a quarter to the left, and nothing elsewhere; it keeps what it was asked."""
+
+    has_aligner = True
 
     def __init__(self) -> None:
         super().__init__(36)
         self.aligned: list[tuple[Tensor, Tensor, Tensor, Tensor]] = []
 
-    def score_turns(
-        self, images: Tensor, goal: Goal, pick: Tensor, yaw: Tensor, place: Tensor, angles: Tensor
+    def score_fits(
+        self, images: Tensor, goal: Goal, pick: Tensor, yaw: Tensor, places: Tensor, angles: Tensor
     ) -> Tensor:
-        self.aligned.append((pick, yaw, place, angles))
+        self.aligned.append((pick, yaw, places, angles))
         best = turn_target(torch.full((len(images),), math.pi / 2), 36)
-        return best.gather(1, torch.round(angles / math.radians(10)).long()).clamp_min(1e-30).log()
+        turns = best.gather(1, torch.round(angles / math.radians(10)).long()).clamp_min(1e-30).log()
+        return torch.where((places - 9).norm(dim=-1) < 8, turns, -30.0)
 
 
 @pytest.mark.parametrize("rotations", [0, 12])
@@ -177,27 +179,42 @@ def test_an_aligner_learns_the_turn_at_the_experts_place(rotations: int) -> None
     network, batch = _Aligner(), _batch(4)
     config = TrainConfig(rotator_rotations=rotations, jitter=False)
     losses = compute_losses(network, batch, config)  # type: ignore[arg-type]
-    ((pick, yaw, place, angles),) = network.aligned
-    assert torch.equal(pick, batch.pick[batch.acts]) and torch.equal(place, batch.place[batch.acts])
-    assert angles.shape == (3, rotations or 36)
+    ((pick, yaw, places, angles),) = network.aligned
+    count = rotations or 36
+    assert angles.shape == places.shape[:2] == (3, count + WRONG_PLACES * WRONG_TURNS)
+    assert torch.equal(pick, batch.pick[batch.acts])
+    assert torch.equal(places[:, :count], batch.place[batch.acts][:, None].expand(-1, count, 2))
     assert torch.allclose((yaw - batch.pick_yaw[batch.acts]).remainder(math.pi).sin(), torch.zeros(3), atol=1e-5)
     if not rotations:
-        assert float(losses.turn) == pytest.approx(entropy, rel=1e-4)
-    assert float(losses.total() - losses._replace(turn=torch.zeros(())).total()) == pytest.approx(
-        float(losses.turn), abs=1e-5
-    )
+        assert float(losses.fit) == pytest.approx(entropy, rel=1e-4)
+    without = losses._replace(fit=torch.zeros(())).total()
+    assert float(losses.total() - without) == pytest.approx(float(losses.fit), abs=1e-5)
 
 
 def test_an_aligner_learns_from_picks_places_and_yaws_that_are_not_exact() -> None:
     network, batch = _Aligner(), _batch(40)
     compute_losses(network, batch, TrainConfig())  # type: ignore[arg-type]
-    ((pick, yaw, place, _),) = network.aligned
-    for off in (pick - batch.pick[batch.acts], place - batch.place[batch.acts]):
+    ((pick, yaw, places, angles),) = network.aligned
+    for off in (pick - batch.pick[batch.acts], places[:, 0] - batch.place[batch.acts]):
         assert 0.7 < float(off.std()) < 1.3
     off = (yaw - batch.pick_yaw[batch.acts] + math.pi / 2).remainder(math.pi) - math.pi / 2
     assert 2.0 < math.degrees(float(off.std())) < 4.5
     turned = (yaw - batch.pick_yaw[batch.acts]).cos() < 0
     assert 0.2 < float(turned.float().mean()) < 0.8, "a gripper's yaw is either way round"
+    wrong, turns = places[:, 12:], torch.round(angles[:, 12:] / math.radians(10))
+    assert float((wrong - 9).norm(dim=-1).min()) >= 11, "a wrong place is not near the right one"
+    assert torch.equal(wrong[:, 0], wrong[:, 2]) and not torch.equal(wrong[:, 0], wrong[:, 3])
+    assert turns.min() == 0 and turns.max() == 35
+
+
+def test_wrong_places_are_those_that_the_scores_prefer() -> None:
+    scores = torch.zeros(2, 20, 10)
+    scores[0, 4, 4], scores[0, 15, 7], scores[1, 19, 0], scores[1, 0, 9] = 40.0, 30.0, 30.0, 30.0 + math.log(3)
+    place, noise = torch.tensor([[9.0, 9.0], [20.0, 10.0]]), torch.linspace(0.001, 0.999, 9).expand(2, -1)
+    found = wrong_places(scores, place, 2, noise)
+    assert found.shape == (2, 9, 2)
+    assert found[0].unique(dim=0).tolist() == [[30.5, 14.5]], "the best cell is the right one"
+    assert found[1].tolist() == [[0.5, 18.5]] * 7 + [[38.5, 0.5]] * 2
 
 
 def test_a_turns_target_is_nearest_round_the_circle() -> None:

@@ -111,7 +111,9 @@ def test_fixed_weights_give_the_recorded_scores(name: str) -> None:
     scores = [network.score_picks(images, goal), *network.score_rotations(images, goal, pick)]
     scores.append(network.score_primitives(images, goal))
     angles = bin_angles(network.config.n_rotations).expand(2, -1)
-    scores.append(network.score_turns(images, goal, pick, angles[:, 1], pick.flip(0), angles))
+    places = pick.flip(0)[:, None].expand(-1, angles.shape[1], -1)
+    if network.has_aligner:
+        scores.append(network.score_fits(images, goal, pick, angles[:, 1], places, angles))
     _check([each for each in scores if each is not None], RECORDED[name])
 
 

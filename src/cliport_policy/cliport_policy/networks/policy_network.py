@@ -47,6 +47,7 @@ class PolicyNetwork(nn.Module, ABC):
 
     config: AnyNetworkConfig
     cell_size: int
+    has_aligner = False  # whether score_fits is to be had; otherwise score_places decides alone
     n_null = 1  # logits of the pick that stand for no cell: "done", then "not here" where it is told apart
 
     @property
@@ -102,14 +103,15 @@ class PolicyNetwork(nn.Module, ABC):
         pick: (B, 2). angles: (B, R), relative to the pick's yaw.
         """
 
-    def score_turns(
-        self, images: Tensor, goal: Goal, pick: Tensor, yaw: Tensor, place: Tensor, angles: Tensor
-    ) -> Tensor | None:
-        """Return logits (B, R) of the rotation from pick to place; None where score_places alone decides on it.
+    def score_fits(
+        self, images: Tensor, goal: Goal, pick: Tensor, yaw: Tensor, places: Tensor, angles: Tensor
+    ) -> Tensor:
+        """Return logits (B, R) of places, each under a rotation, where has_aligner is True.
 
-        pick, place: (B, 2). yaw: (B,), the gripper's at the pick. angles: (B, R), relative to it.
+        They come on top of score_places: by how much more often an expert goes there than score_places has it.
+        pick: (B, 2). yaw: (B,), the gripper's at the pick. places: (B, R, 2). angles: (B, R), relative to that yaw.
         """
-        return None
+        raise NotImplementedError
 
     def score_rotations(self, images: Tensor, goal: Goal, pick: Tensor) -> tuple[Tensor | None, Tensor]:
         """Return score_yaws and score_places at all k rotation bins: (B, k) or None, (B, k, h, w)."""

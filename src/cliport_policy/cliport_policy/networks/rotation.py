@@ -35,14 +35,15 @@ def window_offsets(side: int, angles: Tensor) -> Tensor:
 def rotated_windows(maps: Tensor, centers: Tensor, angles: Tensor, side: int) -> Tensor:
     """Cut windows of the maps, turned by each angle about each centre; zero outside the map.
 
-    maps: (B, C, H, W); centers: (B, 2) float (row, col) in cells; angles: (B, R) rad -> (B, R, C, side, side).
-    A window turned by the yaw of an object shows that object unrotated.
+    maps: (B, C, H, W); centers: (B, 2), or (B, R, 2) one for each angle, float (row, col) in cells; angles: (B, R) rad
+    -> (B, R, C, side, side). A window turned by the yaw of an object shows that object unrotated.
     """
     batch, channels, height, width = maps.shape
     n = angles.shape[1]
     offsets = window_offsets(side, angles)  # (B, R, side, side, 2)
-    col = centers[:, 1, None, None, None] + offsets[..., 0]
-    row = centers[:, 0, None, None, None] + offsets[..., 1]
+    each = centers if centers.dim() == 3 else centers[:, None]
+    col = each[..., 1, None, None] + offsets[..., 0]
+    row = each[..., 0, None, None] + offsets[..., 1]
     grid = torch.stack(((2 * col + 1) / width - 1, (2 * row + 1) / height - 1), dim=-1)
     windows = F.grid_sample(
         maps,

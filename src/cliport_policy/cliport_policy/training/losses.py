@@ -16,6 +16,8 @@ from cliport_policy.networks.rotation import bin_angles
 
 YAW_SIGMA = math.radians(5.0)  # softness of the targets of yaws and turns: half a bin
 HELD_SIGMA = math.radians(3.0)  # of the rotator's yaws around the right ones
+WRONG_PLACES, WRONG_TURNS = 3, 3  # places with rotations each that compete with the right place under the aligner
+NEAR_PIXELS = 12  # within which a place is not a wrong one: 3 cm
 CELL_SIGMA = 0.8  # softness of the pick's and the place's target, in cells
 
 
@@ -24,7 +26,7 @@ class Losses(NamedTuple):
 
     locator, done and absent are of the pick's softmax, summed over samples with an action, samples that are finished,
     and samples whose sentence names what is not there, each over the number of all samples; the others are means over
-    the samples with an action. turn is the aligner's.
+    the samples with an action. fit is the aligner's.
     """
 
     locator: Tensor
@@ -33,12 +35,12 @@ class Losses(NamedTuple):
     done: Tensor
     absent: Tensor
     primitive: Tensor
-    turn: Tensor
+    fit: Tensor
 
     def total(self) -> Tensor:
         """Return the weighted sum that is minimised."""
         picks = self.locator + self.done + self.absent
-        return picks + 0.3 * self.rotator + self.transport + 0.3 * self.primitive + self.turn
+        return picks + 0.3 * self.rotator + self.transport + 0.3 * self.primitive + self.fit
 
 
 def compute_losses(
@@ -61,10 +63,11 @@ def compute_losses(
     noise = _SampleNoise(batch.seeds[act.cpu()], network.config.n_rotations, batch.images.device)
     images, goal = batch.images[act], goal.select(act)
     rotator = _rotator_losses(network, batch, images, goal, config, noise).sum() / n_actions
-    transport = _transport_losses(network, batch, images, goal, size, config, noise).sum() / n_actions
-    turn = _turn_losses(network, batch, images, goal, config, noise).sum() / n_actions
+    transports, best = _transport_losses(network, batch, images, goal, size, config, noise)
+    transport = transports.sum() / n_actions
+    fit = _fit_losses(network, batch, images, goal, best, config, noise).sum() / n_actions
     primitive = _primitive_losses(network, batch, images, goal).sum() / n_actions
-    return Losses(by_kind[0], rotator, transport, by_kind[1], by_kind[2], primitive, turn)
+    return Losses(by_kind[0], rotator, transport, by_kind[1], by_kind[2], primitive, fit)
 
 
 def _pick_losses(
@@ -90,18 +93,25 @@ def _primitive_losses(network: PolicyNetwork, batch: Batch, images: Tensor, goal
 class _SampleNoise:
     """Random numbers of each sample's own seed, so that they do not depend on how samples are batched.
 
-    pick: (A, 2) standard normal; yaws, places: (A, k) uniform. For the aligner, turns: (A, k) uniform; half_turn: (A,)
-    0 or 1; near: (A, 2, 2) pixels off the pick and the place; held: (A,) rad off the yaw.
+    pick: (A, 2) standard normal; yaws, places: (A, k) uniform. For the aligner: turns: (A, k), wrong: (A, WRONG_PLACES)
+    and elsewhere: (A, WRONG_PLACES * WRONG_TURNS) uniform; half_turn: (A,) 0 or 1; near: (A, 2, 2) and held: (A,)
+    standard normal.
     """
 
     def __init__(self, seeds: Tensor, k: int, device: torch.device) -> None:
         generators = [torch.Generator().manual_seed(int(seed)) for seed in seeds]
-        self.pick = torch.stack([torch.randn(2, generator=g) for g in generators]).to(device)
-        self.yaws, self.places = torch.stack([torch.rand(2, k, generator=g) for g in generators], dim=1).to(device)
-        self.turns = torch.stack([torch.rand(k, generator=g) for g in generators]).to(device)
-        self.half_turn = torch.stack([torch.randint(2, (), generator=g) for g in generators]).to(device)
-        self.near = torch.stack([torch.randn(2, 2, generator=g) for g in generators]).to(device)
-        self.held = torch.stack([torch.randn((), generator=g) * HELD_SIGMA for g in generators]).to(device)
+
+        def uniform(*shape: int) -> Tensor:
+            return torch.stack([torch.rand(shape, generator=g) for g in generators]).to(device)
+
+        def normal(*shape: int) -> Tensor:
+            return torch.stack([torch.randn(shape, generator=g) for g in generators]).to(device)
+
+        self.pick = normal(2)
+        self.yaws, self.places = uniform(2, k).unbind(1)
+        self.turns, self.half_turn = uniform(k), uniform() > 0.5
+        self.near, self.held = normal(2, 2), normal()
+        self.wrong, self.elsewhere = uniform(WRONG_PLACES), uniform(WRONG_PLACES * WRONG_TURNS)
 
 
 def _rotator_losses(
@@ -130,8 +140,8 @@ def _transport_losses(
     size: tuple[int, int],
     config: TrainConfig,
     noise: _SampleNoise,
-) -> Tensor:
-    """Return the losses (A,) of the samples with an action."""
+) -> tuple[Tensor, Tensor]:
+    """Return the losses (A,) of the samples with an action, and each cell's best score (A, h, w), without gradient."""
     act = batch.acts
     angles = bin_angles(network.config.n_rotations, images.device)
     right = torch.round(batch.rotation[act] / (2 * math.pi / len(angles))).long() % len(angles)  # (A,)
@@ -139,25 +149,54 @@ def _transport_losses(
     logits = network.score_places(images, goal, batch.pick[act], angles[chosen]).float()  # (A, R, h, w)
     target = _cells(batch.place[act], size, network.cell_size, config)  # (A, h, w), for the right rotation
     at_right = logits[torch.arange(len(slot), device=slot.device), slot]
-    return logits.flatten(1).logsumexp(1) - (target * at_right).sum((1, 2))
+    losses = logits.flatten(1).logsumexp(1) - (target * at_right).sum((1, 2))
+    return losses, logits.detach().amax(1)
 
 
-def _turn_losses(
-    network: PolicyNetwork, batch: Batch, images: Tensor, goal: Goal, config: TrainConfig, noise: _SampleNoise
+def _fit_losses(
+    network: PolicyNetwork,
+    batch: Batch,
+    images: Tensor,
+    goal: Goal,
+    best: Tensor,
+    config: TrainConfig,
+    noise: _SampleNoise,
 ) -> Tensor:
-    """Return the losses (A,) of the samples with an action; 0 for a network that has no aligner."""
+    """Return the losses (A,) of the samples with an action; 0 for a network that has no aligner.
+
+    The expert's rotation at its place competes with other rotations there, and with wrong places that are drawn as
+    the transport would have it: best, (A, h, w), its scores of the cells.
+    """
+    if not network.has_aligner:
+        return images.new_zeros(len(images))
     act, k = batch.acts, network.config.n_rotations
     bins = turn_target(batch.rotation[act], k)  # (A, k)
     chosen, _ = _draw_competitors(bins.argmax(1), noise.turns, config.rotator_rotations)
-    # Predicted pixels and yaws are not exact, and a parallel gripper may hold the thing the other way round.
-    yaw = batch.pick_yaw[act].float() + noise.held * config.jitter + math.pi * noise.half_turn
-    off_pick, off_place = (noise.near * config.jitter).unbind(1)
-    pick, place = batch.pick[act] + off_pick, batch.place[act] + off_place
-    logits = network.score_turns(images, goal, pick, yaw, place, bin_angles(k, images.device)[chosen])
-    if logits is None:
-        return images.new_zeros(len(images))
     target = bins.gather(1, chosen)
-    return soft_cross_entropy(logits.float(), target / target.sum(1, keepdim=True))
+    # Predicted pixels and yaws are not exact, and a parallel gripper may hold the thing the other way round.
+    off_pick, off_place = (noise.near * config.jitter).unbind(1)
+    yaw = batch.pick_yaw[act].float() + HELD_SIGMA * noise.held * config.jitter + math.pi * noise.half_turn
+    right = (batch.place[act] + off_place)[:, None].expand(-1, chosen.shape[1], -1)  # (A, R, 2)
+    wrong = wrong_places(best, batch.place[act], network.cell_size, noise.wrong).repeat_interleave(WRONG_TURNS, dim=1)
+    turns = (noise.elsewhere * k).long()  # (A, WRONG_PLACES * WRONG_TURNS)
+    angles = bin_angles(k, images.device)[torch.cat((chosen, turns), dim=1)]
+    places = torch.cat((right, wrong), dim=1)
+    logits = network.score_fits(images, goal, batch.pick[act] + off_pick, yaw, places, angles)
+    target = torch.cat((target / target.sum(1, keepdim=True), torch.zeros_like(noise.elsewhere)), dim=1)
+    return soft_cross_entropy(logits.float(), target)
+
+
+def wrong_places(scores: Tensor, place: Tensor, cell: int, noise: Tensor) -> Tensor:
+    """Draw places (A, n, 2) that are not near the right one, as often as their scores say: float pixels.
+
+    scores: (A, h, w) logits of the cells. place: (A, 2) pixels. noise: (A, n) in 0..1.
+    """
+    rows, cols = _offsets(place, (scores.shape[1], scores.shape[2]), cell)
+    near = rows[:, :, None].square() + cols[:, None, :].square() < (NEAR_PIXELS / cell) ** 2
+    shares = scores.masked_fill(near, -math.inf).flatten(1).softmax(1).cumsum(1)
+    index = torch.searchsorted(shares, noise * shares[:, -1:], right=True).clamp_max(shares.shape[1] - 1)
+    at = torch.stack((index // scores.shape[2], index % scores.shape[2]), dim=-1)
+    return cell * at.to(place.dtype) + (cell - 1) / 2
 
 
 def _cells(pixels: Tensor, size: tuple[int, int], cell: int, config: TrainConfig) -> Tensor:

@@ -1,4 +1,4 @@
-"""Aligner: a score for each rotation from pick to place, of what the gripper holds and what it would look down on."""
+"""Aligner: how well what the gripper holds would fit at a place under a rotation."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ class Aligner(nn.Module):
         self.crop_pixels = crop_pixels
         self.scorer = CropScorer(2 * channels_in, goal_dim, crop_pixels)
 
-    def forward(self, x: Tensor, goal: Tensor, pick: Tensor, yaw: Tensor, place: Tensor, angles: Tensor) -> Tensor:
-        """Return logits (B, R).
+    def forward(self, x: Tensor, goal: Tensor, pick: Tensor, yaw: Tensor, places: Tensor, angles: Tensor) -> Tensor:
+        """Return logits (B, R), of each place under its rotation.
 
-        x: (B, C, H, W). goal: (B, G). pick, place: (B, 2) float pixel (row, col). yaw: (B,) rad, of the gripper at the
-        pick. angles: (B, R) rad, relative to it.
+        x: (B, C, H, W). goal: (B, G). pick: (B, 2) float pixel (row, col). yaw: (B,) rad, of the gripper at the pick.
+        places: (B, R, 2) float pixels. angles: (B, R) rad, relative to that yaw.
         """
         held = rotated_windows(x, pick, yaw[:, None], self.crop_pixels)  # (B, 1, C, side, side)
-        below = rotated_windows(x, place, yaw[:, None] + angles, self.crop_pixels)  # (B, R, C, side, side)
+        below = rotated_windows(x, places, yaw[:, None] + angles, self.crop_pixels)  # (B, R, C, side, side)
         scores: Tensor = self.scorer(torch.cat((held.expand_as(below), below), dim=2), goal)
         return scores

@@ -48,6 +48,7 @@ class JointNetwork(PolicyNetwork):
             config.decoder_width, config.transport_channels, config.query_cells, config.gate
         )
         self.rotator = Rotator(CHANNELS, goal_dim, config.crop_pixels)
+        self.has_aligner = config.aligner
         self.aligner = Aligner(CHANNELS, goal_dim, config.crop_pixels) if config.aligner else None
         whole = 2 * config.widths[-1] + goal_dim + n_maps
         self.null_head = _head(whole, config.null_actions)
@@ -104,11 +105,13 @@ class JointNetwork(PolicyNetwork):
         goal = self._seen(images, goal)
         return self.transport(self.place_decoder(goal.seen[:-1], goal.language), pick, angles)
 
-    def score_turns(
-        self, images: Tensor, goal: Goal, pick: Tensor, yaw: Tensor, place: Tensor, angles: Tensor
-    ) -> Tensor | None:
-        """Return logits (B, R), or None without an aligner."""
-        return None if self.aligner is None else self.aligner(images, goal.language, pick, yaw, place, angles)
+    def score_fits(
+        self, images: Tensor, goal: Goal, pick: Tensor, yaw: Tensor, places: Tensor, angles: Tensor
+    ) -> Tensor:
+        """Return logits (B, R); not without an aligner."""
+        assert self.aligner is not None
+        logits: Tensor = self.aligner(images, goal.language, pick, yaw, places, angles)
+        return logits
 
     def _seen(self, images: Tensor, goal: Goal) -> Goal:
         return goal if goal.seen else self.look(images, goal)
