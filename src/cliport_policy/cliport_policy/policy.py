@@ -29,8 +29,8 @@ from cliport_policy.networks.rotation import bin_angles
 from cliport_policy.observation import observation_tensor
 from cliport_policy.peaks import CellGrid, Peak, best_rotation, with_fits
 
-_CANDIDATES = 4  # places at most that an aligner is asked about,
-_LEAST_SHARE = 0.02  # and after the first only those that are as likely as this
+_CANDIDATES = 3  # places at most that an aligner is asked about,
+_LEAST_SHARE = 0.05  # and after the first only those that are as likely as this
 _WARM_UP = "put the red blocks in the green bowl"
 
 
