@@ -166,7 +166,9 @@ def test_a_server_that_does_not_answer_is_one_line(
 def running(script: str) -> PageProcess:
     """Return a page's process that runs a shell script in the server's place and has said its first line."""
     page = object.__new__(PageProcess)
+    kept = signal.signal(signal.SIGINT, signal.default_int_handler)  # tests in the background ignore it, children too
     page._process = subprocess.Popen(["/bin/sh", "-c", script], stdout=subprocess.PIPE, text=True)
+    signal.signal(signal.SIGINT, kept)
     assert page._process.stdout is not None and page._process.stdout.readline() == "on\n"
     return page
 
