@@ -52,7 +52,7 @@ def page_figures(task: str, pictures: int = 200, loads: int = 1000, warm_up: int
     try:
         return _figures(task, pictures, loads, warm_up)
     except (OSError, HTTPException, WebSocketException) as error:
-        raise BenchmarkError(f"the page's server does not answer: {error or type(error).__name__}") from error
+        raise BenchmarkError(f"the page's server does not answer: {str(error) or type(error).__name__}") from error
 
 
 def _figures(task: str, pictures: int, loads: int, warm_up: int) -> dict[str, list[float]]:

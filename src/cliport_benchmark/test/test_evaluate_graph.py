@@ -1,6 +1,7 @@
 """Evaluation through the graph, with a fake graph: what is refused, and what an interruption leaves."""
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -21,6 +22,7 @@ class FakeGraph:
         self.healthy, self.max_steps = True, 4
         self.failure: BaseException | None = None
         self.resets: list[int] = []
+        self.awaited: list[tuple[float, bool]] = []
 
     def __enter__(self) -> "FakeGraph":
         return self
@@ -28,8 +30,8 @@ class FakeGraph:
     def __exit__(self, *_: object) -> None:
         pass
 
-    def wait_ready(self, *_: object) -> None:
-        pass
+    def wait_ready(self, timeout: float, alive: Callable[[], bool]) -> None:
+        self.awaited.append((timeout, alive()))
 
     def reset(self, task: str, split: str, seed: int) -> str:
         self.resets.append(seed)
@@ -72,6 +74,7 @@ def test_what_was_scored_before_a_failure_is_kept(
     assert capsys.readouterr().err.count("\n") == 1 and not out.exists()
     assert evaluate_graph.main(arguments(out)) == 0
     assert graph.resets == [1, 2, 2, 3]
+    assert graph.awaited == [(evaluate_graph.READY_TIMEOUT, True)] * 2
     result = json.loads(out.read_text())
     assert [(e["seed"], e["score"]) for e in result["episodes"]] == [(1, 0.1), (2, 0.2)]
     assert result["discarded_episodes"] == [{"seed": 3, "reason": "no free place"}]

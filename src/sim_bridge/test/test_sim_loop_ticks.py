@@ -1,0 +1,189 @@
+"""What one step of the simulation's loop reads, commands and tells, and what hangs on it: states, faults, a log."""
+
+from __future__ import annotations
+
+import json
+import threading
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cliport_core.pose import Pose
+from sim_bridge.control.trajectory_goal import TrajectoryGoal, TrajectoryPoint
+from sim_bridge.control.trajectory_log import TrajectoryLog, TrajectoryLogError
+from sim_bridge.node_faults import FaultInjection
+from sim_bridge.node_parameters import SimParameters
+from sim_bridge.node_state import StatePublisher
+from sim_bridge.panda import ArmState
+from sim_bridge.sim_loop import SimLoop
+from sim_bridge.world_snapshot import WorldSnapshot
+
+
+class World:
+    """A world of steps of 0.25 s, and controllers that command what shows who asked; `told` has it in order."""
+
+    def __init__(self) -> None:
+        self.time, self.told = 0.0, list[Any]()
+        self.panda = SimpleNamespace(
+            state=lambda: f"state at {self.time}",
+            command=lambda *given: self.told.append(("arm", *given)),
+            command_fingers=lambda *given: self.told.append(("fingers", *given)),
+        )
+
+    def step(self) -> None:
+        self.told.append("step")
+        self.time += 0.25
+
+    def controller(self, **command: Any) -> Any:
+        def update(now: float, state: str) -> SimpleNamespace:
+            self.told.append((now, state))
+            return SimpleNamespace(**command)
+
+        return SimpleNamespace(update=update, reset=lambda why: self.told.append(why))
+
+
+def loop_of(world: World, pacer: Any = None, **given: Any) -> SimLoop:
+    arm = world.controller(positions="q", velocities="v")
+    hand = world.controller(width=0.04, max_effort=20.0)
+    return SimLoop(world, arm, hand, pacer, **given)  # type: ignore[arg-type]
+
+
+def test_a_step_reads_commands_tells_and_steps() -> None:
+    world = World()
+    loop = loop_of(world)
+    assert loop.world is world
+    loop.every(0.25, lambda time, state: world.told.append(("heard", time, state)))
+    loop._tick()
+    read = (0.0, "state at 0.0")
+    assert world.told == [read, read, ("arm", "q", "v"), ("fingers", 0.04, 20.0), ("heard", *read), "step"]
+
+
+def test_listeners_are_told_at_their_periods_and_what_is_late_is_not_made_up_for() -> None:
+    world, heard = World(), list[float]()
+    loop = loop_of(world)
+    loop.every(0.75, lambda time, _: heard.append(time))
+    for _ in range(8):
+        loop._tick()
+    assert heard == [0.0, 0.75, 1.5]
+    world.time = 10.0
+    for _ in range(4):
+        loop._tick()
+    assert heard[3:] == [10.0, 10.75]
+
+
+def test_a_loop_makes_the_steps_that_are_due_and_tells_the_controllers_of_its_end() -> None:
+    world, done = World(), threading.Event()
+    due = iter([2, 0, 1])
+    pacer = SimpleNamespace(due=lambda now: next(due, None) or (done.set() or 0), delay=lambda now: 0.0)
+    loop = loop_of(world, pacer)
+    loop.start()
+    assert done.wait(60.0)
+    assert loop.call(lambda: loop.call(lambda: threading.current_thread().name)) == "physics"
+    with pytest.raises(ValueError, match="of the call"):
+        loop.call(lambda: int("of the call"))
+    loop.stop()
+    loop._thread.join(60.0)
+    assert world.told[-2:] == ["the simulation has stopped"] * 2 and world.told.count("step") == 3
+
+
+def test_a_failed_step_ends_the_loop_and_is_told() -> None:
+    world, failures = World(), list[BaseException]()
+    error = RuntimeError("flew apart")
+
+    def due(now: float) -> int:
+        raise error
+
+    loop = loop_of(world, SimpleNamespace(due=due), on_failure=failures.append)
+    loop.start()
+    loop._thread.join(60.0)
+    assert failures == [error] and world.told == ["the simulation has stopped"] * 2
+
+
+@pytest.mark.parametrize("done", [True, False])
+def test_the_end_of_a_motion_is_awaited_for_so_long(done: bool) -> None:
+    assert loop_of(World()).wait(SimpleNamespace(done=done), 0.02) is done
+
+
+def test_joints_and_clock_are_said_with_their_time() -> None:
+    said: dict[str, list[Any]] = {}
+    calls: dict[str, Any] = {}
+    node: Any = SimpleNamespace(
+        create_publisher=lambda kind, topic, qos: SimpleNamespace(publish=said.setdefault(topic, []).append)
+    )
+    loop: Any = SimpleNamespace(every=lambda period, call: calls.update({call.__name__: call}))
+    camera: Any = SimpleNamespace(camera_in_base=Pose.from_xyz_rpy((0.4, 0.1, 1.0), (0.0, 0.0, 0.0)))
+    parameters = SimParameters()
+    StatePublisher(node, loop, camera, parameters)
+    places, speeds, efforts = np.arange(7.0), np.arange(10.0, 17.0), np.arange(20.0, 27.0)
+    state = ArmState(places, speeds, efforts, np.array([0.01, 0.02]), np.array([0.3, 0.4]))
+    for call in calls.values():
+        call(3.5, state)
+    (clock,), (joints,), (static,) = said["/clock"], said["/joint_states"], said["/tf_static"]
+    assert (clock.clock.sec, clock.clock.nanosec) == (joints.header.stamp.sec, joints.header.stamp.nanosec) == (3, 5e8)
+    assert list(joints.name) == list(parameters.arm.joints) and len(joints.name) == 9
+    assert list(joints.position) == [*range(7), 0.01, 0.02] and list(joints.velocity) == [*range(10, 17), 0.3, 0.4]
+    assert list(joints.effort) == [*range(20, 27), 0.0, 0.0]
+    (transform,) = static.transforms
+    assert (transform.header.frame_id, transform.child_frame_id) == (parameters.base_frame, parameters.camera_frame)
+    place = transform.transform.translation
+    assert (place.x, place.y, place.z, transform.header.stamp.sec) == (0.4, 0.1, 1.0, 0)
+
+
+def test_one_trajectory_is_aborted_on_its_way_and_the_next_is_not() -> None:
+    held: list[str] = []
+    ticks: list[Any] = []
+    hooks: list[Any] = []
+    node: Any = SimpleNamespace(
+        declare_parameter=lambda name, value, descriptor: SimpleNamespace(value=value),
+        add_on_set_parameters_callback=hooks.append,
+        set_parameters=lambda given: hooks[0](given),
+    )
+    loop: Any = SimpleNamespace(
+        every=lambda *given: ticks.append(given), arm=SimpleNamespace(hold=lambda why: held.append(why))
+    )
+    faults = FaultInjection(node, loop)
+    ((period, tick),) = ticks
+    assert (period, faults.camera_frozen, faults.depth_lost) == (0.02, False, False)
+    for name in ("freeze_camera", "unknown"):
+        assert hooks[0]([SimpleNamespace(name=name, value=True)]).successful
+    assert (faults.camera_frozen, faults.depth_lost) == (True, False)
+    hooks[0]([SimpleNamespace(name="abort_next_trajectory", value=True)])
+    for start, done in ((1.0, False), (5.0, False)):
+        faults.started(SimpleNamespace(done=done), start)  # type: ignore[arg-type]
+        tick(start + 0.29, None)
+        assert len(held) == (start > 1.0)
+        tick(start + 0.31, None)
+        tick(start + 0.5, None)
+    assert held == ["the controller aborted the motion (injected fault)"]
+    hooks[0]([SimpleNamespace(name="abort_next_trajectory", value=True)])
+    faults.started(SimpleNamespace(done=True), 9.0)  # type: ignore[arg-type]
+    tick(9.5, None)
+    assert len(held) == 1
+
+
+def test_the_log_has_a_line_for_each_trajectory_and_begins_empty(tmp_path: Path) -> None:
+    goal = TrajectoryGoal(("a", "b"), (TrajectoryPoint(1.5, (0.1, 0.2), (), ()),))
+    path = tmp_path / "log"
+    log = TrajectoryLog(str(path))
+    assert path.read_text() == ""
+    log.append(goal, 2.0)
+    log.append(goal, 3.0)
+    line = {"joint_names": ["a", "b"], "times": [1.5], "positions": [[0.1, 0.2]]}
+    line |= {"velocities": [[]], "accelerations": [[]]}
+    assert [json.loads(text) for text in path.read_text().splitlines()] == [{"time": t} | line for t in (2.0, 3.0)]
+    TrajectoryLog("").append(goal, 2.0)
+    with pytest.raises(TrajectoryLogError, match=r"/none/log: No such file or directory; name a file that can be"):
+        TrajectoryLog(str(tmp_path / "none" / "log"))
+
+
+def test_a_snapshot_keeps_what_moves_on() -> None:
+    poses: dict[Any, Any] = {"block": "there", -1: "base", 4: "hand"}
+    panda = SimpleNamespace(link_indices={"hand": 4}, link_pose=lambda link: poses[link])
+    world: Any = SimpleNamespace(time=2.5, objects=["block"], panda=panda, object_pose=lambda thing: poses[thing])
+    kept: Any = WorldSnapshot(world)
+    poses.update({"block": "gone", -1: "moved", 4: "moved"})
+    assert (kept.time, kept.objects, kept.object_pose("block")) == (2.5, ["block"], "there")
+    assert (kept.panda.link_indices, kept.panda.link_pose(-1), kept.panda.link_pose(4)) == ({"hand": 4}, "base", "hand")
