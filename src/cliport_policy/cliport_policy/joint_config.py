@@ -28,7 +28,7 @@ class JointConfig:
     null_actions: 1 for "done", 2 for "done" and "not here" apart.
     chooses_primitive: True predicts the primitive; otherwise it is that of the demonstrations.
     aligner: True scores the likeliest places and the rotations there on crops around both; otherwise the correlation
-    decides alone.
+    decides alone, as in checkpoints whose cards do not say.
     """
 
     widths: tuple[int, ...] = (16, 48, 96, 128)

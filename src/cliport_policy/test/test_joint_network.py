@@ -91,6 +91,28 @@ def test_an_aligner_sees_pick_and_place_from_the_gripper() -> None:
     one = network.score_fits(turned, goal, pick, torch.tensor([0.3 + torch.pi / 2]), places[:, 3:4], angles[:, 3:4])
     assert torch.allclose(one, scores[:, 3:4], atol=1e-4)
     assert network.has_aligner and not _network(aligner=False).has_aligner
+    without = build_network(load_network_config("compact", {"widths": (8, 12, 16)}))
+    assert not without.has_aligner
+    with pytest.raises(ValueError, match="CompactNetwork has no aligner"):
+        without.score_fits(images, goal, pick, torch.tensor([0.3]), places, angles)
+
+
+@torch.no_grad()
+def test_the_aligner_lays_the_thing_as_it_would_be_turned_upon_the_place() -> None:
+    network = _network(crop_pixels=8)
+    patch = torch.rand(5, 8, 8)
+    images = torch.zeros(1, 5, 32, 32)
+    images[0, :, 6:14, 7:15], images[0, :, 17:25, 18:26] = patch, torch.rot90(patch, -1, (1, 2))  # a quarter turn
+    seen: list[torch.Tensor] = []
+    assert network.aligner is not None
+    network.aligner.scorer.register_forward_pre_hook(lambda _, inputs: seen.append(inputs[0]))
+    goal = network.encode_goal(["put the red blocks in a blue bowl"])
+    pick, angles = torch.tensor([[9.5, 10.5]]), bin_angles(8)[None]
+    network.score_fits(images, goal, pick, torch.zeros(1), torch.tensor([[20.5, 21.5]]).expand(1, 8, 2), angles)
+    held, below = seen[0][0].split(5, dim=1)  # (8, 5, 8, 8) each
+    assert torch.allclose(held[0], patch, atol=1e-5)
+    off = (held - below).abs().amax((1, 2, 3))
+    assert float(off[2]) < 1e-4 and float(off[[0, 1, 3, 4, 5, 6, 7]].min()) > 0.1
 
 
 @torch.no_grad()

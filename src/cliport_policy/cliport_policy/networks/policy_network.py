@@ -47,12 +47,16 @@ class PolicyNetwork(nn.Module, ABC):
 
     config: AnyNetworkConfig
     cell_size: int
-    has_aligner = False  # whether score_fits is to be had; otherwise score_places decides alone
     n_null = 1  # logits of the pick that stand for no cell: "done", then "not here" where it is told apart
 
     @property
     def needs_goal_image(self) -> bool:
         """True if encode_goal must be given goal images."""
+        return False
+
+    @property
+    def has_aligner(self) -> bool:
+        """True if score_fits is to be had; otherwise score_places decides alone."""
         return False
 
     @property
@@ -111,7 +115,7 @@ class PolicyNetwork(nn.Module, ABC):
         They come on top of score_places: by how much more often an expert goes there than score_places has it.
         pick: (B, 2). yaw: (B,), the gripper's at the pick. places: (B, R, 2). angles: (B, R), relative to that yaw.
         """
-        raise NotImplementedError
+        raise ValueError(f"{type(self).__name__} has no aligner: ask only where has_aligner is True")
 
     def score_rotations(self, images: Tensor, goal: Goal, pick: Tensor) -> tuple[Tensor | None, Tensor]:
         """Return score_yaws and score_places at all k rotation bins: (B, k) or None, (B, k, h, w)."""

@@ -17,7 +17,7 @@ from cliport_policy.networks.rotation import bin_angles
 YAW_SIGMA = math.radians(5.0)  # softness of the targets of yaws and turns: half a bin
 HELD_SIGMA = math.radians(3.0)  # of the rotator's yaws around the right ones
 WRONG_PLACES, WRONG_TURNS = 3, 3  # places with rotations each that compete with the right place under the aligner
-NEAR_PIXELS = 12  # within which a place is not a wrong one: 3 cm
+NEAR_PIXELS = 12  # within which a place is not a wrong one: 3 cm of pixels of 2.5 mm
 CELL_SIGMA = 0.8  # softness of the pick's and the place's target, in cells
 
 

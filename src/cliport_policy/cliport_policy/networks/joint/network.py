@@ -48,12 +48,16 @@ class JointNetwork(PolicyNetwork):
             config.decoder_width, config.transport_channels, config.query_cells, config.gate
         )
         self.rotator = Rotator(CHANNELS, goal_dim, config.crop_pixels)
-        self.has_aligner = config.aligner
         self.aligner = Aligner(CHANNELS, goal_dim, config.crop_pixels) if config.aligner else None
         whole = 2 * config.widths[-1] + goal_dim + n_maps
         self.null_head = _head(whole, config.null_actions)
         self.primitive_head = _head(whole, len(Primitive)) if config.chooses_primitive else None
         self.null_score = nn.Parameter(torch.full((config.null_actions,), 4.0))
+
+    @property
+    def has_aligner(self) -> bool:
+        """True if the config has an aligner."""
+        return self.aligner is not None
 
     def encode_goal(self, sentences: Sequence[str], images: Tensor | None = None) -> Goal:
         """Return the goals of B sentences; images are not read."""
