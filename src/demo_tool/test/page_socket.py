@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 
-from web_workplace import Workplace
+from web_workplace import PATIENCE, Workplace
 from websockets.sync.client import ClientConnection, connect
 
 
@@ -16,12 +16,12 @@ def opened(place: Workplace, name: str = "only-page") -> ClientConnection:
 def ask(page: ClientConnection, command: str, **arguments: object) -> dict:
     """Send a command and return its answer."""
     page.send(json.dumps({"id": 1, "command": command, "arguments": arguments}))
-    while "id" not in (message := json.loads(page.recv(timeout=5))):
+    while "id" not in (message := json.loads(page.recv(timeout=PATIENCE))):
         pass
     return message
 
 
 def until(page: ClientConnection, key: str, value: object) -> None:
     """Wait until the view says so."""
-    while json.loads(page.recv(timeout=5)).get("view", {}).get(key, ...) != value:
+    while json.loads(page.recv(timeout=PATIENCE)).get("view", {}).get(key, ...) != value:
         pass

@@ -2,7 +2,7 @@
 
 import pytest
 from browser_user import CHROMIUM, BrowserUser
-from web_workplace import Workplace
+from web_workplace import PATIENCE, Workplace
 from workplace_user import Person, steps, until
 
 from demo_tool.station_config import StationConfig
@@ -42,7 +42,7 @@ def test_a_page_that_watches_sees_the_plan_and_cannot_approve(browser: "playwrig
     person.place.arm.waiting_plan = PLAN
     person.draw_both()
     person.click("#execute")
-    watcher = BrowserUser(browser, person.place.url, 5.0)
+    watcher = BrowserUser(browser, person.place.url, PATIENCE)
     try:
         watcher.sees("waiting_for_approval")
         watcher.page.locator("#approval", has_text="Only the page that holds the arm can approve it").wait_for()

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 from browser_user import CHROMIUM
-from web_workplace import Workplace, workplace
+from web_workplace import PATIENCE, Workplace, workplace
 from workplace_user import Person, episode_folders, steps, until
 
 from cliport_episodes.demonstration import Source
@@ -204,7 +204,7 @@ def test_the_printed_link_works_from_a_chat(browser: "playwright.Browser", tmp_p
         for link in ("#first", "#later"):
             page.goto("http://chat.example/")
             page.click(link)
-            page.locator("#state[data-state=ready]").wait_for(timeout=10_000)
+            page.locator("#state[data-state=ready]").wait_for(timeout=1000 * PATIENCE)
             assert page.url == f"{place.url}/"  # the token does not stay in the address
         page.context.close()
 

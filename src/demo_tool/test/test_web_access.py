@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from web_workplace import DATA_SET, Workplace, workplace
+from web_workplace import DATA_SET, PATIENCE, Workplace, workplace
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
@@ -30,7 +30,7 @@ def guarded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Workplace]:
 
 
 def ask(place: Workplace, path: str, method: str = "GET", **headers: str) -> tuple[int, http.client.HTTPMessage, str]:
-    connection = http.client.HTTPConnection("127.0.0.1", place.port, timeout=5)
+    connection = http.client.HTTPConnection("127.0.0.1", place.port, timeout=PATIENCE)
     try:
         connection.request(method, path, headers=headers)
         answer = connection.getresponse()
@@ -42,20 +42,20 @@ def ask(place: Workplace, path: str, method: str = "GET", **headers: str) -> tup
 def open_page(place: Workplace, name: str, origin: str | None = "", **headers: str) -> ClientConnection:
     own = place.url if origin == "" else origin
     uri = f"ws://127.0.0.1:{place.port}/session?page={name}"
-    return connect(uri, origin=own, additional_headers=headers, open_timeout=5, close_timeout=1)  # type: ignore[arg-type]
+    return connect(uri, origin=own, additional_headers=headers, open_timeout=PATIENCE, close_timeout=1)  # type: ignore[arg-type]
 
 
 def call(page: ClientConnection, command: str, **arguments: object) -> dict:
     page.send(json.dumps({"id": 7, "command": command, "arguments": arguments}))
     while True:
-        message = json.loads(page.recv(timeout=5))
+        message = json.loads(page.recv(timeout=PATIENCE))
         if message.get("id") == 7:
             return message
 
 
 def hear_out(page: ClientConnection) -> None:
     while True:
-        page.recv(timeout=5)
+        page.recv(timeout=PATIENCE)
 
 
 def test_every_answer_forbids_what_the_page_does_not_need(place: Workplace) -> None:
@@ -127,7 +127,7 @@ def test_the_token_is_traded_for_a_cookie_that_only_this_site_sends(guarded: Wor
     assert ask(guarded, "/", Cookie=value)[0] == 200
     assert ask(guarded, "/stop", "POST", Cookie=value, Origin="http://evil.example")[0] == 403
     with open_page(guarded, "guarded-page", Cookie=value) as page:
-        assert "view" in json.loads(page.recv(timeout=5))
+        assert "view" in json.loads(page.recv(timeout=PATIENCE))
 
 
 def test_settings_that_would_leave_the_page_open_are_refused() -> None:

@@ -12,7 +12,7 @@ import anyio
 import cv2
 import numpy as np
 import pytest
-from web_workplace import DATA_SET, Workplace, workplace
+from web_workplace import DATA_SET, PATIENCE, Workplace, workplace
 
 from cliport_core.errors import EncodingError
 from demo_tool.web.jpeg import LEVELS, START_LEVEL, JpegCache, encode, next_level
@@ -26,7 +26,7 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Workplace]:
 
 
 def get(place: Workplace, path: str) -> tuple[int, http.client.HTTPMessage, bytes]:
-    connection = http.client.HTTPConnection("127.0.0.1", place.port, timeout=10)
+    connection = http.client.HTTPConnection("127.0.0.1", place.port, timeout=PATIENCE)
     connection.request("GET", path)
     answer = connection.getresponse()
     body = answer.read()
@@ -59,7 +59,7 @@ def test_colours_arrive_as_they_are() -> None:
 
 def test_answers_do_not_wait_for_acknowledgements(place: Workplace) -> None:
     """Header and body are two writes: with Nagle's algorithm the body would come 40 ms later."""
-    connection = http.client.HTTPConnection("127.0.0.1", place.port, timeout=5)
+    connection = http.client.HTTPConnection("127.0.0.1", place.port, timeout=PATIENCE)
     connection.request("GET", "/static/app.js")
     assert connection.getresponse().read()
     client = connection.sock.getsockname()
@@ -123,7 +123,7 @@ def test_pages_that_leave_give_their_threads_back(place: Workplace) -> None:
         return sum("AnyIO" in thread.name for thread in threading.enumerate())
 
     for _ in range(60):
-        connection = http.client.HTTPConnection("127.0.0.1", place.port, timeout=5)
+        connection = http.client.HTTPConnection("127.0.0.1", place.port, timeout=PATIENCE)
         connection.request("GET", "/picture/heightmap.jpg")
         connection.close()
     end = time.monotonic() + 30.0

@@ -11,7 +11,7 @@ from types import SimpleNamespace
 import psutil
 import pytest
 from page_socket import opened
-from web_workplace import workplace
+from web_workplace import PATIENCE, workplace
 from websockets.sync.client import ClientConnection
 
 from demo_tool.web.arm_holder import ArmHolder
@@ -34,7 +34,7 @@ def messages_for(page: ClientConnection, seconds: float) -> list[dict]:
 
 def test_the_whole_state_first_then_what_changes(tmp_path: Path) -> None:
     with workplace(tmp_path) as place, opened(place) as page:
-        whole = json.loads(page.recv(timeout=5))["view"]
+        whole = json.loads(page.recv(timeout=PATIENCE))["view"]
         assert {"state", "words", "draft", "camera", "holder", "episode", "policy"} <= set(whole)
         news = messages_for(page, 2.5)
         assert 2 <= len(news) <= 40  # a sign of life each second, never more than 15 a second
@@ -102,10 +102,10 @@ def test_loads_and_dropped_connections_leave_memory_flat(tmp_path: Path) -> None
         for round_ in range(3):
             for number in range(40):
                 page = opened(place, f"dropped-page-{round_}-{number}")
-                page.recv(timeout=5)
+                page.recv(timeout=PATIENCE)
                 page.socket.close()  # no goodbye
             time.sleep(0.5)
             after.append(process.memory_info().rss)
         assert after[2] - after[1] < 8e6
         with opened(place, "page-after-all") as page:
-            assert "view" in json.loads(page.recv(timeout=5))
+            assert "view" in json.loads(page.recv(timeout=PATIENCE))

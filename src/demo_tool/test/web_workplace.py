@@ -19,6 +19,7 @@ from demo_tool.web.application import make_application
 from demo_tool.web.server import TlsFiles, WebServer, bind
 
 DATA_SET = "blocks"
+PATIENCE = 60.0  # s; longest wait for anything: only who waits in vain waits so long, a busy machine does not fail
 
 
 @dataclass
@@ -72,7 +73,7 @@ class Workplace:
             self.station.command(command, arguments)
         self.wait_for("ready")
 
-    def wait_for(self, state: str, timeout: float = 10.0) -> None:
+    def wait_for(self, state: str, timeout: float = PATIENCE) -> None:
         """Wait until the station is in a state."""
         end = time.monotonic() + timeout
         while self.station.view(None)["state"] != state:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from browser_user import BrowserUser, Point
-from web_workplace import Workplace
+from web_workplace import PATIENCE, Workplace
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
@@ -18,7 +18,7 @@ class Person(BrowserUser):
     """Somebody at the page of a workplace."""
 
     def __init__(self, browser: Browser, place: Workplace, **device: Any) -> None:
-        super().__init__(browser, place.url, 5.0, **{"viewport": {"width": 1024, "height": 768}, **device})
+        super().__init__(browser, place.url, PATIENCE, **{"viewport": {"width": 1024, "height": 768}, **device})
         self.place = place
         self.sees("ready")
 
@@ -84,7 +84,7 @@ class Person(BrowserUser):
 
 
 def until(condition: Callable[[], object], what: str | Callable[[], str]) -> None:
-    end = time.monotonic() + 5.0
+    end = time.monotonic() + PATIENCE
     while not condition():
         assert time.monotonic() < end, what if isinstance(what, str) else what()
         time.sleep(0.02)
