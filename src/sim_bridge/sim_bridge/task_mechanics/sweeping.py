@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from dataclasses import dataclass
 
@@ -27,12 +26,11 @@ _RIM_SLIP_CHANCE = 0.3  # probability that they do
 _SAFE_DEPTH = 0.009  # a thing this far inside the zone's edge counts fully [m]
 _MAX_STARTS = 24  # things behind which a sweep may begin: the farthest ones outside the zone
 _SIDE_SHIFTS = (-0.008, 0.0, 0.008)  # of the hand beside that thing [m]
-_ENDS_PER_AXIS = 4  # places to which things may be brought, along each axis of the zone
-_END_MARGIN = 0.011  # of these places from the zone's edge [m]
+_SHORT_OF_MIDDLE = 0.03  # the hand stops so far before the zone's middle: things lie ahead of it [m]
 _WORKSPACE_MARGIN = 0.005  # of a sweep's start from the workspace's edge [m]
 _BACK_STEPS, _BACK_STEP = 24, 0.005  # distances behind the first thing at which a sweep may begin [m]
 _CLEARANCE = 0.01  # between a thing's middle and the hand that goes down beside it [m]
-_MIN_WAY = 0.003  # of a thing that a sweep pushes [m]
+_MIN_WAY = 0.003  # of a sweep [m]
 _BLOCKS_PER_METRE = 1.0  # price of a sweep's length, and of a thing's way to the zone, in things
 
 
@@ -45,7 +43,7 @@ def next_sweep(
     worth = square.worth(things)
     outside = np.flatnonzero(worth < 1.0)
     firsts = things[outside[np.argsort(worth[outside], kind="stable")][:_MAX_STARTS]]
-    sweeps = _Sweeps.between(firsts, square.places(firsts))
+    sweeps = _Sweeps.towards(np.array([zone.x, zone.y]), firsts, _SIDE_SHIFTS, _SHORT_OF_MIDDLE)
     back = sweeps.run_ups(things, workspace)
     gain = sweeps.gain(things, back, square)
     if not np.isfinite(gain).any():
@@ -59,9 +57,9 @@ def next_sweep(
 
 def met_by_sweep(things: FloatArray, start: PlanarPose, end: PlanarPose) -> BoolArray:
     """Return (N,) which things (N, 2) [m] the hand meets from start to end."""
-    sweep = _Sweeps.between(np.array([[start.x, start.y]]), np.array([[[end.x, end.y]]]), shifts=(0.0,))
+    sweep = _Sweeps.towards(np.array([end.x, end.y]), np.array([[start.x, start.y]]))
     along, across = sweep.local(things)
-    front = (sweep.length + _PUSH_DISTANCE)[:, None] + HAND_DEPTH / 2
+    front = sweep.length[:, None] + HAND_DEPTH / 2
     met = (along > 0.0) & (along < front) & (abs(across) < HAND_WIDTH / 2)
     return np.asarray(met.any(axis=0))
 
@@ -70,15 +68,6 @@ def met_by_sweep(things: FloatArray, start: PlanarPose, end: PlanarPose) -> Bool
 class _Zone:
     pose: PlanarPose
     size: float
-
-    def places(self, things: FloatArray) -> FloatArray:
-        """Return (N, M, 2) places for each thing (N, 2): the nearest in the zone, then some all over it [m]."""
-        reach = self.size / 2 - _END_MARGIN
-        steps = np.linspace(-reach, reach, _ENDS_PER_AXIS)
-        spread = np.array(list(itertools.product(steps, steps)))
-        nearest = np.clip(self._local(things), -reach, reach)
-        local = np.concatenate([nearest[:, None], np.tile(spread, (len(things), 1, 1))], axis=1)
-        return local @ self._turn().T + (self.pose.x, self.pose.y)
 
     def worth(self, at: FloatArray) -> FloatArray:
         """Return the worth (...) of things at (..., 2) [m]: 1 well inside, less
@@ -107,17 +96,17 @@ class _Sweeps:
     length: FloatArray
 
     @classmethod
-    def between(cls, starts: FloatArray, ends: FloatArray, shifts: tuple[float, ...] = _SIDE_SHIFTS) -> _Sweeps:
-        """Return candidates that push the thing at each start (F, 2) to its ends
-        (F, M, 2), the hand shifted to either side."""
-        start = np.repeat(starts, ends.shape[1] * len(shifts), axis=0)
-        end = np.repeat(ends.reshape(-1, 2), len(shifts), axis=0)
-        shift = np.tile(shifts, ends.shape[0] * ends.shape[1])[:, None]
-        way = np.linalg.norm(end - start, axis=1)
-        keep = way > _MIN_WAY
-        start, shift, way = start[keep], shift[keep], way[keep]
-        forth = (end[keep] - start) / way[:, None]
-        return cls(start + shift * np.column_stack([-forth[:, 1], forth[:, 0]]), forth, way - _PUSH_DISTANCE)
+    def towards(
+        cls, middle: FloatArray, starts: FloatArray, shifts: tuple[float, ...] = (0.0,), short: float = 0.0
+    ) -> _Sweeps:
+        """Return candidates through each start (F, 2), and beside it, which end `short` [m] of a middle (2,)."""
+        way = middle - np.repeat(starts, len(shifts), axis=0)
+        side = np.column_stack([-way[:, 1], way[:, 0]]) / np.maximum(np.linalg.norm(way, axis=1), _MIN_WAY)[:, None]
+        way -= np.tile(shifts, len(starts))[:, None] * side
+        length = np.linalg.norm(way, axis=1)
+        keep = length > short + _MIN_WAY
+        way, length = way[keep], length[keep]
+        return cls(middle - way, way / length[:, None], length - short)
 
     def local(self, things: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return things (N, 2) as seen from each start: along the motion and to its left, (C, N) each [m]."""

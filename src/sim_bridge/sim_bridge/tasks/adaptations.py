@@ -198,13 +198,13 @@ ADAPTATIONS: tuple[Adaptation, ...] = (
         "a sweep goes from the pick to the place exactly; the original's starts 20 mm behind the pick and ends 50 mm "
         "short of the place",
         "an action says where the hand goes",
-        "none on the metric; a policy learns other starts and ends: behind the blocks, and inside the zone",
+        "none on the metric; a policy learns other starts and ends: behind the blocks, and short of the zone's middle",
     ),
     Adaptation(
         "separating-piles, sweeping-piles",
-        "the expert looks ahead through straight sweeps for the one that should leave the most inside; the original's "
-        "pushes the block farthest from the zone to its middle",
-        "the fingers are narrow: it needs 10 sweeps a scene, the original's expert 11 pushes (5 scenes, no arm)",
+        "the expert looks ahead through straight sweeps to 30 mm short of the zone's middle for the one that should "
+        "leave the most inside; the original's pushes the block farthest from the zone to its middle",
+        "the fingers are narrow: it needs 11 sweeps a scene (100 scenes)",
         "none on the metric; demonstrations follow the whole pile, not one block",
     ),
     Adaptation(
