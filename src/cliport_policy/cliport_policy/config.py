@@ -83,6 +83,8 @@ class TrainConfig:
     recolor_probability: share of the samples naming colours that are repainted, their sentences with them.
     rearrange_probability: share of samples whose things are put elsewhere on the table, each by itself; for tasks whose
     things may lie anywhere, as blocks and bowls may, but not a rope at its frame.
+    mirror_probability: share of samples that are seen in a mirror, with left and right, or top and bottom, exchanged in
+    their sentences.
     jitter: True adds small errors to colours and heights.
     phrases_per_goal: number of wordings of each canonical sentence.
     """
@@ -108,6 +110,7 @@ class TrainConfig:
     recolor: str = "none"
     recolor_probability: float = 0.7
     rearrange_probability: float = 0.0
+    mirror_probability: float = 0.0
     jitter: bool = True
     phrases_per_goal: int = 200
     precision: str = "auto"
@@ -127,7 +130,7 @@ class TrainConfig:
         if self.learning_rate == 0:
             raise ConfigError("learning_rate=0 learns nothing: give a positive one")
         shares = ("ema_decay", "done_share", "absent_share", "augment_probability")
-        for name in (*shares, "recolor_probability", "rearrange_probability"):
+        for name in (*shares, "recolor_probability", "rearrange_probability", "mirror_probability"):
             if getattr(self, name) > 1:
                 raise ConfigError(f"{name}={getattr(self, name)} must be in 0..1")
 

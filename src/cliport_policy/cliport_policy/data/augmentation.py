@@ -86,7 +86,12 @@ def names_direction(instruction: str) -> bool:
 
 def is_falsified_by_turning(instruction: str) -> bool:
     """Return True if a sentence names a side of the scene, not one of a thing that has a front of its own."""
-    return names_direction(instruction) and _OWN_FRAME.search(instruction.lower()) is None
+    return names_direction(instruction) and not names_own_frame(instruction)
+
+
+def names_own_frame(instruction: str) -> bool:
+    """Return True if a sentence names sides of a thing that has a front of its own, wherever it looks to."""
+    return _OWN_FRAME.search(instruction.lower()) is not None
 
 
 def jitter_color(color: NDArray[np.uint8], rng: np.random.Generator) -> NDArray[np.uint8]:

@@ -23,6 +23,7 @@ from cliport_policy.data.augmentation import (
     jitter_height,
     warp,
 )
+from cliport_policy.data.mirror import draw_mirror
 from cliport_policy.data.mixture import Drawn
 from cliport_policy.data.paraphrase import paraphrase
 from cliport_policy.data.rearrange import rearranged
@@ -115,17 +116,22 @@ def make_sample(
     """Reword one demonstration, jitter its images alike and (with augment_probability) move them by an SE(2).
 
     With a recoloring, recolor_probability of the samples get other colours; rearrange_probability get another
-    arrangement, which a goal image would not show.
+    arrangement, which a goal image would not show; mirror_probability are seen in a mirror.
     """
-    demo, paints = drawn.demo, None
+    demo, paints, mirror = drawn.demo, None, None
     settings = drawn.settings
     if recoloring is not None and settings.recolor and rng.random() < config.recolor_probability:
         paints = recoloring.draw(drawn, rng)
     sentence = demo.instruction if paints is None else paints.sentence(demo.instruction)
+    if config.mirror_probability and rng.random() < config.mirror_probability:
+        mirror = draw_mirror(demo.instruction, rng)
+    sentence = sentence if mirror is None else mirror.sentence(sentence)
     phrase, seed = phrasebook.draw(sentence, rng), int(rng.integers(2**62))
     observation = drawn.data.observation(drawn.frame)
     if config.rearrange_probability and settings.rearrange and rng.random() < config.rearrange_probability:
         observation, demo = rearranged(observation, demo, rng)
+    if mirror is not None:
+        observation, demo = mirror.scene(observation), mirror.demonstration(demo, observation.valid.shape)
     transform = identity_transform()
     if rng.random() < config.augment_probability:
         keep = [demo.pick_pixel, demo.place_pixel] if demo.acts else []
@@ -133,10 +139,12 @@ def make_sample(
         sigma = config.directed_rotation_sigma_deg if directed else config.rotation_sigma_deg
         transform = draw_transform(observation.valid.shape, keep, sigma, config.translation_sigma_px, rng)
     look = int(rng.integers(2**62)) if config.jitter else None
-    goal = None if drawn.goal is None else _image(drawn.data.observation(drawn.goal), paints, transform, look)
+    goal = None if drawn.goal is None else drawn.data.observation(drawn.goal)
+    if goal is not None and mirror is not None:
+        goal = mirror.scene(goal)
     return Sample(
         image=_image(observation, paints, transform, look),
-        goal_image=goal,
+        goal_image=None if goal is None else _image(goal, paints, transform, look),
         phrase=phrase,
         done=demo.done,
         absent=demo.absent,

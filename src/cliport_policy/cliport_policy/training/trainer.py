@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import itertools
 import logging
 import math
 import time
@@ -20,6 +21,7 @@ from cliport_policy.checkpoint import ANCHORS, Card, save_checkpoint
 from cliport_policy.config import TrainConfig
 from cliport_policy.data.batches import Phrasebook
 from cliport_policy.data.loader import THREADS, Loader, StepBatches
+from cliport_policy.data.mirror import mirrored_sentences
 from cliport_policy.data.mixture import Mixture, Source, SourceSettings
 from cliport_policy.data.recolor import Recoloring
 from cliport_policy.errors import TrainingError
@@ -215,6 +217,8 @@ class Trainer:
 
     def _draw_wordings(self) -> tuple[Recoloring | None, Phrasebook]:
         config, sentences = self.config, self.data.instructions()
+        if config.mirror_probability:
+            sentences = sorted({*sentences, *itertools.chain.from_iterable(map(mirrored_sentences, sentences))})
         phrases, rng = config.phrases_per_goal, np.random.default_rng((config.seed, 1))
         unchanging = self.data.unchanging_instructions()
         if config.recolor == "none":
