@@ -29,7 +29,8 @@ COMMANDS: dict[str, dict[str, set[str]]] = {
     "sim_bridge": {"sim": SIMULATE},
     "panda_driver": {"driver": DRIVER, "conformance": set(), "record_run": set()},
     "cliport_benchmark": {
-        **dict.fromkeys(("demo", "evaluate", "evaluate_graph", "results", "card_scores", "gallery"), SIMULATE),
+        **dict.fromkeys(("demo", "evaluate", "evaluate_graph", "results", "card_scores"), SIMULATE),
+        **dict.fromkeys(("gallery", "mounting_curve"), SIMULATE),
         **dict.fromkeys(("record", "generate", "experiment", "bench"), TRAIN | SIMULATE),
     },
 }

@@ -31,6 +31,7 @@ setup(
             "card_scores = cliport_benchmark.card_scores:main",
             "results = cliport_benchmark.results:main",
             "experiment = cliport_benchmark.experiment_cli:main",
+            "mounting_curve = cliport_benchmark.mounting_curve:main",
             "gallery = cliport_benchmark.gallery_cli:main",
         ]
     },

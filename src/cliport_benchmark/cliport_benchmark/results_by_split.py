@@ -17,8 +17,9 @@ _LAST = ("expert", "blind")  # columns after those of the policies
 def by_split(evaluations: Sequence[Evaluation], demos: int) -> str:
     """Return a table each of test scenes, validation scenes and everyday objects of one's own, where there are any.
 
-    What belongs to none of them is counted in a line below. A column is of one agent on the same scenes; an average is
-    given where it has all of its splits. demos: of the paper's columns.
+    What belongs to none of them is counted in a line below. A column is of one agent on scenes from one seed on; their
+    number stands in brackets where it differs from split to split. An average is given where it has all of its splits.
+    demos: of the paper's columns.
     """
     text: list[str] = []
     for section in _SHOWN:
@@ -34,24 +35,47 @@ def _table(section: Section, evaluations: Sequence[Evaluation], demos: int) -> l
     everyday = section is OWN_OBJECTS
     tasks = [task for task in LANGUAGE_SPLITS if is_everyday(task) or not everyday]
     columns: dict[str, dict[str, float | None]] = {}
-    for name in sorted({_column(e) for e in evaluations}, key=lambda name: (name.startswith(_LAST), name)):
-        columns[name] = {e.task: e.score for e in evaluations if _column(e) == name}
+    scenes: dict[str, dict[str, int]] = {}
+    for name, own in sorted(_columns(evaluations).items(), key=lambda item: (item[0].startswith(_LAST), item[0])):
+        columns[name] = {e.task: e.score for e in own}
+        if len({e.episodes for e in own}) > 1:
+            scenes[name] = {e.task: e.episodes for e in own}
     for method in paper_methods(section.table) if section.table else []:
         scores = {task: paper_scores().get((section.table, method, task, demos)) for task in tasks}
         columns[f"{method} @{demos}"] = scores
     lines = [table_line(["split", *columns]), table_line(["---"] + ["---:"] * len(columns))]
     for task in tasks:
-        lines.append(table_line([task, *(number(column.get(task)) for column in columns.values())]))
+        cells = [_cell(column.get(task), scenes.get(name, {}).get(task)) for name, column in columns.items()]
+        lines.append(table_line([task, *cells]))
     for kind in ("seen", "unseen"):
         # The rope has one variant, of what was seen.
-        own = [t for t in tasks if is_everyday(t) == everyday and ("unseen" in t) == (kind == "unseen")]
-        words = f"average, {len(own)} {kind} splits" + ("" if everyday else " without everyday objects")
-        lines.append(table_line([words, *(number(_mean([column.get(t) for t in own])) for column in columns.values())]))
+        splits = [t for t in tasks if is_everyday(t) == everyday and ("unseen" in t) == (kind == "unseen")]
+        words = f"average, {len(splits)} {kind} splits" + ("" if everyday else " without everyday objects")
+        means = [_mean([column.get(task) for task in splits]) for column in columns.values()]
+        lines.append(table_line([words, *map(number, means)]))
     return lines
 
 
-def _column(evaluation: Evaluation) -> str:
-    return f"{evaluation.agent}, seeds {evaluation.seeds}" + f", {evaluation.commit[:7]}" * bool(evaluation.commit)
+def _columns(evaluations: Sequence[Evaluation]) -> dict[str, list[Evaluation]]:
+    """Return the evaluations of each column by its name."""
+    groups: dict[tuple[str, str], list[Evaluation]] = {}
+    for one in evaluations:
+        groups.setdefault((one.agent, one.seeds.split(" ")[0]), []).append(one)
+    columns: dict[str, list[Evaluation]] = {}
+    for (agent, first), own in groups.items():
+        each_once = len({one.task for one in own}) == len(own)
+        if each_once and len({(one.seeds, one.commit) for one in own}) > 1:
+            commits = sorted({one.commit[:7] for one in own if one.commit})
+            columns[", ".join([agent, f"seeds from {first} on (how many)", *commits])] = own
+            continue
+        for one in own:
+            name = ", ".join([agent, f"seeds {one.seeds}"] + [one.commit[:7]] * bool(one.commit))
+            columns.setdefault(name, []).append(one)
+    return columns
+
+
+def _cell(score: float | None, scenes: int | None) -> str:
+    return number(score) + (f" ({scenes})" if scenes is not None and score is not None else "")
 
 
 def _mean(values: Sequence[float | None]) -> float | None:

@@ -250,6 +250,16 @@ def test_scores_of_other_looks_stand_beside_nothing(tmp_path: Path, capsys: pyte
     assert "randomized" not in str(beside[HANOI]) and beside[BOWLS][1] == "expert, exact offset"
 
 
+def test_by_split_says_how_many_scenes_where_the_numbers_differ(tmp_path: Path) -> None:
+    write(tmp_path / "a.json", task=HANOI, checkpoint="mine", mean_score=80.0, first_seed=0, n_episodes=5)
+    write(tmp_path / "b.json", task=BOWLS, checkpoint="mine", mean_score=70.0, first_seed=0, commit="abcdefghi")
+    assert main([str(tmp_path), "--by-split", "--out", str(tmp_path / "r.md")]) == 0
+    text = (tmp_path / "r.md").read_text()
+    assert "| split | mine, seeds from 0 on (how many), 0123456, abcdefg |" in text
+    (table,) = sections(text).values()
+    assert (table[HANOI][1], table[BOWLS][1]) == ("80.0 (5)", "70.0 (50)")
+
+
 def test_by_split_has_a_column_for_each_agent_and_averages_of_whole_sets(tmp_path: Path) -> None:
     seen = [t for t in LANGUAGE_SPLITS if "unseen" not in t and "google" not in t]
     for number, task in enumerate(seen):
