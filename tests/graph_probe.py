@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -59,12 +59,16 @@ class GraphProbe(GraphClient):
         response = self._call(self._parameters, SetParameters.Request(parameters=[parameter]), 5.0)
         assert response.results[0].successful, response.results[0].reason
 
-    def send_pick_place(self, pick: tuple[float, float], place: tuple[float, float], plan_only: bool = False) -> Any:
+    def send_pick_place(self, pick: tuple[float, float], place: tuple[float, float]) -> Any:
         """Send a goal at table height; the goal handle."""
+        return self._send(PickPlace.Goal(instruction="test", pick=_pose(pick), place=_pose(place), owner=_OWNER))
+
+    def send_plan(self, pick: Sequence[Sequence[float]], place: Sequence[Sequence[float]]) -> Any:
+        """Ask for a plan alone between two poses, each a position (3,) and a quaternion (4,); the goal handle."""
+        return self._send(PickPlace.Goal(instruction="test", plan_only=True, pick=_pose(*pick), place=_pose(*place)))
+
+    def _send(self, goal: PickPlace.Goal) -> Any:
         assert self._pick_place.wait_for_server(5.0)
-        goal = PickPlace.Goal(
-            instruction="test", plan_only=plan_only, pick=_pose(*pick), place=_pose(*place), owner=_OWNER
-        )
         goal.header.frame_id = "panda_link0"
         return self._answer_of(lambda: self._pick_place.send_goal_async(goal), 5.0)
 
@@ -138,5 +142,7 @@ class GraphProbe(GraphClient):
         self._history.append((time.monotonic(), float(np.abs(arm).max()) if arm else 0.0))
 
 
-def _pose(x: float, y: float) -> Pose:
-    return Pose(position=Point(x=x, y=y, z=0.0), orientation=Quaternion(w=1.0))
+def _pose(at: Sequence[float], turn: Sequence[float] = (0.0, 0.0, 0.0, 1.0)) -> Pose:
+    """A pose at x, y, and z where it is given [m]; turn: quaternion (x, y, z, w), of any length."""
+    x, y, z = (*at, 0.0)[:3]
+    return Pose(position=Point(x=x, y=y, z=z), orientation=Quaternion(**dict(zip("xyzw", turn, strict=True))))

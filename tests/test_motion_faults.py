@@ -128,12 +128,14 @@ def test_another_client_is_refused_while_the_arm_moves(moving: tuple[GraphProces
 
 
 def test_random_goals_move_nothing_or_end_in_one_line(tmp_path: Path) -> None:
-    """A thousand goals, most of them senseless, all of them only planned."""
+    """A thousand goals, most of them senseless, all of them only planned: outside, below the table, on their side."""
     domain = next_domain()
     environment = {"ROS_DOMAIN_ID": str(domain)}
     arguments = {"task": TASK, "split": "test", "seed": "3"}
     random = np.random.default_rng(0)
     odd = [float("nan"), float("inf"), -float("inf"), 1e30, -5.0, 0.0]
+    low = [[-1.0, -1.0, -0.2, -1.0, -1.0, -1.0, -1.0]] * 2  # a position [m] and a quaternion, of pick and place
+    high = [[1.0, 1.0, 0.2, 1.0, 1.0, 1.0, 1.0]] * 2
     with (
         GraphProcess("sim.launch.yaml", arguments, tmp_path / "graph.log", environment) as graph,
         GraphProbe(domain) as probe,
@@ -141,9 +143,12 @@ def test_random_goals_move_nothing_or_end_in_one_line(tmp_path: Path) -> None:
         probe.wait_ready(90.0, lambda: graph.alive)
         checked = time.monotonic()
         for _ in range(1000):
-            values = [float(random.choice(odd)) if random.random() < 0.4 else random.uniform(-1, 1) for _ in range(4)]
-            handle = probe.send_pick_place((values[0], values[1]), (values[2], values[3]), plan_only=True)
-            result = probe.result_of(handle)
+            poses = random.uniform(low, high)
+            poses[:, 3:] *= random.choice([0.0, 0.1, 1.0, 9.0], p=[0.1, 0.3, 0.3, 0.3])
+            odd_share = random.choice([0.0, 0.0, 0.15])
+            poses = np.where(random.random(poses.shape) < odd_share, random.choice(odd, poses.shape), poses)
+            pick, place = ((pose[:3].tolist(), pose[3:].tolist()) for pose in poses)
+            result = probe.result_of(probe.send_plan(pick, place))
             assert result.outcome in (
                 PickPlace.Result.OUTCOME_REJECTED,
                 PickPlace.Result.OUTCOME_PLANNING_FAILED,
