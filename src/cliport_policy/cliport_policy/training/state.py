@@ -69,7 +69,8 @@ def _check_settings(begun: dict[str, Any], given: dict[str, Any]) -> None:
     was, now = _flatten(begun), _flatten(json.loads(json.dumps(given)))
     was.setdefault("primitive", now.get("primitive"))  # earlier versions did not write it down
     was.setdefault("train.absent_share", 0.0)  # nor could they do this
-    was.setdefault("train.mirror_probability", 0.0)
+    if "train.mirror_probability" in now:
+        was.setdefault("train.mirror_probability", 0.0)
     if was.get("train.turn_weight") == 0.0:
         del was["train.turn_weight"]  # a setting that is gone, where it did nothing
     if "network.aligner" in now:
