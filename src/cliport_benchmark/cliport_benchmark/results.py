@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import sys
+import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -12,6 +13,7 @@ from cliport_benchmark.errors import BenchmarkError, DataFolderError
 from cliport_benchmark.evaluation import SECTIONS, Evaluation, Section, read_folder
 from cliport_benchmark.markdown_lines import number, table_line
 from cliport_benchmark.paper_scores import DEMO_COUNTS, paper_methods, paper_scores
+from cliport_benchmark.provenance import command_line
 from cliport_benchmark.results_by_split import by_split
 from cliport_core.command_line import CommandParser
 from cliport_policy.errors import PolicyError
@@ -20,8 +22,9 @@ from sim_bridge.errors import TaskPackageError
 _REMARK = (
     "Mean scores, 0 to 100; the paper's are of 100 episodes after training on {demos} demonstrations a task, of the "
     "checkpoint that is best on that task's validation scenes, with a suction cup or spatula where a parallel gripper "
-    "acts here."
+    "acts here. Grasps are centred on the thing seen where a column does not say `exact offset`, which the paper's are."
 )
+_WIDTH = 140  # of the lines of text
 _OUR_COLUMNS = ("task", "by", "split", "score", "episodes")
 
 
@@ -79,11 +82,13 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         evaluations = read_folder(options.folder)
         text = (by_split if options.by_split else markdown)(evaluations, options.demos)
-        text = "\n".join([text, *_doubts(evaluations), _REMARK.format(demos=options.demos), ""])
+        remark = textwrap.fill(_REMARK.format(demos=options.demos), _WIDTH)
+        text = "\n".join([text, *_doubts(evaluations), remark, ""])
         if options.out is None:
             print(text, end="")
         else:
-            _write(options.out, text)
+            command = command_line("results", sys.argv[1:] if arguments is None else arguments)
+            _write(options.out, f"# Results\n\nWritten by `{command}`.\n\n{text}")
             _write(options.out.with_suffix(".csv"), comma_separated(evaluations))
             print(f"{len(evaluations)} evaluations in {options.out} and {options.out.with_suffix('.csv').name}")
     except (BenchmarkError, TaskPackageError, PolicyError) as error:

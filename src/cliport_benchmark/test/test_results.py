@@ -287,4 +287,7 @@ def test_by_split_has_a_column_for_each_agent_and_averages_of_whole_sets(tmp_pat
     assert float(unseen_average[column]) == pytest.approx(53.0, abs=0.06)
     assert own[OBJECTS][1] == "70.0" and seen[0] not in own
     assert text.count("Mean scores, 0 to 100") == 1
+    assert text.startswith(f"# Results\n\nWritten by `ros2 run cliport_benchmark results {tmp_path} --by-split")
+    remark = text[text.index("Mean scores, 0 to 100") :].splitlines()
+    assert max(map(len, remark)) <= 140 and "centred on the thing seen" in " ".join(remark)
     assert "\n\n2 of other tasks, scenes or looks are not shown here: leave --by-split out" in text
