@@ -16,13 +16,12 @@ from panda_executor.phase import Phase
 from panda_executor.runner import PickPlaceRunner
 from panda_executor.transfer import TransferPlanner
 from sim_bridge.rendering.camera import RgbdFrame
-from sim_bridge.robot import HAND, HOME_TOLERANCE, ROBOT
+from sim_bridge.robot import HOME_TOLERANCE, ROBOT
 from sim_bridge.sleeping import come_to_rest, sleep_where_still
 from sim_bridge.world import SimWorld
 
 _NO_TIME_LIMIT = 600.0  # [s]
 _ANY_HEIGHT = 600.0  # of the table [m]
-_OPEN_FORCE = 20.0  # [N]
 _REST = 0.1  # after an action, before the world is judged to be still [s]
 
 
@@ -43,7 +42,6 @@ class ArmHand:
         self._world = world
         self._observer = observer
         self._motion = SimMotion(world, on_tick)
-        self._gripper = SimGripperPort(self._motion)
         config, model = replace(_executor_config(), centre_grasp=not exact_offset), PandaModel(ROBOT)
         planner = TransferPlanner(model, config)
         planner.place_camera(observer.camera.camera_in_base.translation)
@@ -51,7 +49,7 @@ class ArmHand:
             model,
             planner,
             SimArmPort(self._motion),
-            self._gripper,
+            SimGripperPort(self._motion),
             config,
         )
 
@@ -73,7 +71,7 @@ class ArmHand:
         )
         away = np.abs(self._world.panda.state().positions - ROBOT.ready).max()
         if away > HOME_TOLERANCE:  # the request ended early: let go and clear the camera's view
-            self._gripper.move(HAND.opening, _OPEN_FORCE, _never)
+            self._runner.open()
             self._runner.go_ready()
         self._motion.rest(_REST)
         if drags:

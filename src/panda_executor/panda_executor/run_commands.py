@@ -188,6 +188,8 @@ class RunCommands:
         """
         self.check_stop()
         if width > 0.0 and -_OPEN_ENOUGH < self._gripper.width() - width < _CLOSE_ENOUGH:
+            if width >= self.config.hand.opening:  # so wide they hold nothing, nor what was as wide
+                self._hand.note(width, self._gripper.width())
             return
         self._hand.begin(width, load)
         result = self._gripper.move(width, effort, self.should_stop)
