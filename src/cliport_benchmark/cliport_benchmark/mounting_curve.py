@@ -7,12 +7,15 @@ import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from cliport_benchmark.errors import BenchmarkError, DataFolderError
 from cliport_benchmark.json_files import check_writable, read_json
 from cliport_benchmark.variation import Aspect
 from cliport_core.command_line import CommandParser
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 _Z = 1.96  # standard errors of a 95 % interval
 
@@ -49,8 +52,8 @@ def read_mounting_scores(folder: Path) -> list[MountingScore]:
     return sorted(scores, key=lambda one: (one.agent, one.shift, one.turn))
 
 
-def plot(scores: Sequence[MountingScore], path: Path) -> None:
-    """Draw the score over the shift, and over the turn, a line a policy, and write the picture.
+def draw_curve(scores: Sequence[MountingScore]) -> Figure:
+    """Return a figure of the score over the shift, and over the turn, a line a policy.
 
     Raises:
         DataFolderError: when neither error was varied alone.
@@ -70,9 +73,10 @@ def plot(scores: Sequence[MountingScore], path: Path) -> None:
             panel.errorbar(at, [o.score for o in own], [o.half_width for o in own], marker="o", capsize=3, label=agent)
         panel.set(ylim=(0, 103), xlabel=f"{name} of the camera, σ per axis [{'mm' if name == 'shift' else 'degrees'}]")
         panel.grid(alpha=0.3)
-        panel.legend(fontsize="small", loc="lower left")
+        if line:
+            panel.legend(fontsize="small", loc="lower left")
     panels[0].set_ylabel("mean score, with 95 % interval")
-    figure.savefig(path, dpi=110)
+    return figure
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -86,7 +90,7 @@ def main(arguments: list[str] | None = None) -> int:
             raise DataFolderError(f"--out {options.out} must end in .png or .svg")
         scores = read_mounting_scores(options.folder)
         check_writable(options.out)
-        plot(scores, options.out)
+        draw_curve(scores).savefig(options.out, dpi=110)
     except BenchmarkError as error:
         print(f"error: {error}", file=sys.stderr)
         return 1
@@ -121,7 +125,8 @@ def _score(path: Path, values: dict[str, Any]) -> MountingScore:
 
 
 def _scenes(values: dict[str, Any]) -> tuple[Any, ...]:
-    return tuple(values.get(name) for name in ("task", "split", "first_seed", "n_episodes", "offset"))
+    names = ("task", "split", "first_seed", "n_episodes", "offset", "workspace", "camera")
+    return tuple(values.get(name) for name in names)
 
 
 def _varies(scores: Sequence[MountingScore]) -> bool:

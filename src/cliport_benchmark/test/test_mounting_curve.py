@@ -5,9 +5,10 @@ import math
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
-from cliport_benchmark.mounting_curve import MountingScore, main, plot, read_mounting_scores
+from cliport_benchmark.mounting_curve import MountingScore, draw_curve, main, read_mounting_scores
 
 
 def write(path: Path, scores: list[float], mm: float | None = None, degrees: float = 0.0, **changes: Any) -> None:
@@ -71,7 +72,17 @@ def test_nothing_to_draw_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert "must end in .png or .svg" in capsys.readouterr().err
 
 
-def test_a_line_of_turns_alone_is_enough(tmp_path: Path) -> None:
-    scores = [MountingScore("default", 0.0, turn, 90.0 - turn, 1.0, 10) for turn in (0.0, 1.0)]
-    plot(scores, tmp_path / "turns.svg")
-    assert (tmp_path / "turns.svg").read_text().lstrip().startswith("<?xml")
+def test_each_panel_has_its_error_and_nothing_else(folder: Path) -> None:
+    write(folder / "both.json", [0.0, 0.0, 0.0], mm=10.0, degrees=2.0)
+    shifts, turns = draw_curve(read_mounting_scores(folder)).axes
+    assert (shifts.get_xlabel(), turns.get_xlabel()) == (
+        "shift of the camera, σ per axis [mm]", "turn of the camera, σ per axis [degrees]",
+    )  # fmt: skip
+    assert shifts.lines[0].get_xydata() == pytest.approx(np.array([[0.0, 100.0], [10.0, 50.0]]))
+    assert turns.lines[0].get_xydata() == pytest.approx(np.array([[0.0, 100.0], [2.0, 100.0 / 3]]))
+
+
+def test_a_line_of_shifts_alone_is_enough() -> None:
+    scores = [MountingScore("default", shift, 0.0, 90.0 - shift, 1.0, 10) for shift in (5.0, 10.0)]
+    shifts, _ = draw_curve(scores).axes
+    assert len(shifts.lines[0].get_xydata()) == 2

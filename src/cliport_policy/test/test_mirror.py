@@ -1,5 +1,6 @@
 """A scene in a mirror: picture, poses and words stay true to each other."""
 
+import itertools
 import math
 from collections.abc import Callable
 from dataclasses import replace
@@ -8,11 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cliport_policy.config import TrainConfig
+from cliport_policy.config import NetworkConfig, TrainConfig
 from cliport_policy.data.batches import Phrasebook, Sample, make_sample
 from cliport_policy.data.demonstrations import Demonstration, load_demonstrations
 from cliport_policy.data.mirror import MIRRORS, Mirror, draw_mirror, mirrored_sentences
-from cliport_policy.data.mixture import Drawn
+from cliport_policy.data.mixture import Drawn, Source, SourceSettings
+from cliport_policy.language import shared_encoder
+from cliport_policy.training.trainer import Trainer
 
 LEFT_TO_RIGHT, TOP_TO_BOTTOM, BOTH = MIRRORS
 PLAIN = TrainConfig(jitter=False, augment_probability=0.0)
@@ -55,6 +58,19 @@ def test_pixels_and_yaws_move_as_the_picture_does(mirror: Mirror, yaw: float) ->
     assert math.remainder(way - seen.pick_yaw, 2 * math.pi) == pytest.approx(0, abs=0.05)
     done = replace(demo, done=True, pick_pixel=(-1, -1))
     assert mirror.demonstration(done, (320, 160)) == done
+
+
+def test_a_training_knows_repainted_sentences_in_a_mirror_too(
+    make_flat_set: Callable[..., Path], tmp_path: Path
+) -> None:
+    folder = make_flat_set(tmp_path / "data", 3, actions=1, sentence="put the red blocks in the left blue bowl")
+    config = replace(PLAIN, batch_size=16, recolor="demonstrated", recolor_probability=0.5, mirror_probability=0.7)
+    source = Source(load_demonstrations(folder), settings=SourceSettings(paraphrase=False))
+    trainer = Trainer([source], tmp_path / "run", NetworkConfig(widths=(16, 16, 16, 16)), config, shared_encoder(), {})
+    phrases = {phrase for number in range(3) for phrase in trainer.loader.step(number).parts[0].phrases}
+    pairs = itertools.product((("red", "blue"), ("blue", "red")), ("left", "right"))
+    expected = {f"put the {block} blocks in the {side} {bowl} bowl" for (block, bowl), side in pairs}
+    assert phrases == expected
 
 
 def test_a_sample_is_mirrored_whole(make_flat_set: Callable[..., Path], tmp_path: Path) -> None:

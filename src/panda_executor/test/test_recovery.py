@@ -225,6 +225,16 @@ def test_a_hand_that_holds_something_takes_nothing_else(planner: TransferPlanner
     assert bench.run().outcome is Outcome.SUCCEEDED
 
 
+def test_opening_lets_go_of_what_is_as_wide_as_the_open_hand(planner: TransferPlanner, table_cloud: np.ndarray) -> None:
+    """The fingers need not move for it, and used to count as closed on it for ever."""
+    bench = Bench(planner, table_cloud, AfterFailure.STAY)
+    bench.gripper.opening = planner.config.hand.opening
+    bench.runner._hand.note(0.0, bench.gripper.opening)
+    assert bench.run().refusal is Refusal.HAND_NOT_EMPTY
+    assert bench.runner.open().outcome is Outcome.SUCCEEDED and not bench.gripper.moves
+    assert bench.run().outcome is Outcome.SUCCEEDED
+
+
 def test_an_approval_is_of_one_plan() -> None:
     approvals = Approvals(10.0)
     assert approvals.approve("whatever") == (False, "no plan waits for approval")

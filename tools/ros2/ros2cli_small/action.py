@@ -15,7 +15,7 @@ from ros2cli_small.node_list import node_names
 if TYPE_CHECKING:
     from rclpy.node import Node
 
-CANCEL_TIME = 30.0  # s, at most, for the server to answer that it cancels; a busy machine took more than 5
+CANCEL_TIME = 30.0  # s, at most, for the server to answer that it cancels
 POLL_PERIOD = 0.05  # s
 _WHOLE = Shortening(length=None)
 # In the order of action_msgs/msg/GoalStatus.

@@ -16,6 +16,12 @@ from cliport_policy.errors import DataError
 
 _NAME = "training_state.safetensors"
 _CONFIG_NAME = "training_config.json"
+_BEFORE = {  # what earlier versions did, which had no such settings
+    "train.absent_share": 0.0,
+    "train.mirror_probability": 0.0,
+    "network.aligner": False,
+    "network.mask": True,
+}
 
 
 def save_state(
@@ -68,15 +74,10 @@ def resume_state(
 def _check_settings(begun: dict[str, Any], given: dict[str, Any]) -> None:
     was, now = _flatten(begun), _flatten(json.loads(json.dumps(given)))
     was.setdefault("primitive", now.get("primitive"))  # earlier versions did not write it down
-    was.setdefault("train.absent_share", 0.0)  # nor could they do this
-    if "train.mirror_probability" in now:
-        was.setdefault("train.mirror_probability", 0.0)
+    for name in now.keys() & _BEFORE.keys():
+        was.setdefault(name, _BEFORE[name])
     if was.get("train.turn_weight") == 0.0:
         del was["train.turn_weight"]  # a setting that is gone, where it did nothing
-    if "network.aligner" in now:
-        was.setdefault("network.aligner", False)
-    if "network.mask" in now:
-        was.setdefault("network.mask", True)  # nor leave the mask away
     for name in sorted(was.keys() | now.keys()):
         if name != "train.steps" and was.get(name) != now.get(name):
             raise ValueError(f"{name} was {was.get(name)!r}, not {now.get(name)!r}")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import itertools
 import logging
 import math
 import time
@@ -216,17 +215,18 @@ class Trainer:
         return own if self.average is self.network else {**own, "average": self.average}
 
     def _draw_wordings(self) -> tuple[Recoloring | None, Phrasebook]:
-        config, sentences = self.config, self.data.instructions()
+        config, recoloring = self.config, None
+        sentences, unchanging = set(self.data.instructions()), self.data.unchanging_instructions()
+        if config.recolor != "none":
+            surveyed = config.recolor == "surveyed"
+            recoloring = Recoloring(self.data, surveyed, np.random.default_rng((config.seed, 2)))
+            sentences.update(recoloring.sentences())
         if config.mirror_probability:
-            sentences = sorted({*sentences, *itertools.chain.from_iterable(map(mirrored_sentences, sentences))})
-        phrases, rng = config.phrases_per_goal, np.random.default_rng((config.seed, 1))
-        unchanging = self.data.unchanging_instructions()
-        if config.recolor == "none":
-            return None, Phrasebook(sentences, min(phrases, MAX_PHRASES // len(sentences)), rng, unchanging)
-        surveyed = config.recolor == "surveyed"
-        recoloring = Recoloring(self.data, surveyed, np.random.default_rng((config.seed, 2)))
-        sentences = sorted({*sentences, *recoloring.sentences()})
-        return recoloring, Phrasebook(sentences, min(phrases, MAX_PHRASES // len(sentences)), rng, unchanging)
+            sentences.update(*map(mirrored_sentences, sentences))
+            unchanging.update(*map(mirrored_sentences, unchanging))
+        phrases = min(config.phrases_per_goal, MAX_PHRASES // len(sentences))
+        rng = np.random.default_rng((config.seed, 1))
+        return recoloring, Phrasebook(sentences, phrases, rng, unchanging)
 
     def _anchor_vectors(self, phrasebook: Phrasebook) -> Tensor:
         """Return anchors of this training and of its initial checkpoint, whose sentences must not be refused now."""
