@@ -192,15 +192,15 @@ def test_an_arm_that_ended_elsewhere_lets_go_and_goes_back(monkeypatch, primitiv
     panda = SimpleNamespace(state=lambda: state)
     hand._world = SimpleNamespace(panda=panda, settle=lambda: done.append("settled"))  # type: ignore[assignment]
     hand._observer = SimpleNamespace(cloud=lambda frame: "cloud", workspace="workspace")  # type: ignore[assignment]
-    hand._runner = SimpleNamespace(run=run, go_ready=lambda: done.append("ready"))  # type: ignore[assignment]
-    hand._gripper = SimpleNamespace(move=lambda width, force, stop: done.append((width, force)))  # type: ignore[assignment]
+    ways = {"open": lambda: done.append("opened"), "go_ready": lambda: done.append("ready")}
+    hand._runner = SimpleNamespace(run=run, **ways)  # type: ignore[assignment]
     motion = {"rest": lambda seconds: done.append(f"rests {seconds} s"), "reset": lambda: done.append("reset")}
     hand._motion = SimpleNamespace(**motion)  # type: ignore[assignment]
     monkeypatch.setattr(arm_hand, "come_to_rest", lambda world: done.append("came to rest"))
     monkeypatch.setattr(arm_hand, "sleep_where_still", lambda world: done.append("asleep"))
     assert hand.execute(PickPlaceAction(POSE, POSE, primitive), None) == "result"  # type: ignore[arg-type, comparison-overlap]
     drags = primitive is not Primitive.PICK_PLACE
-    back = [(0.08, 20.0), "ready"] if off else []
+    back = ["opened", "ready"] if off else []
     assert done == [*(["asleep"] if drags else []), *back, "rests 0.1 s", "came to rest" if drags else "settled"]
     done.clear()
     hand.new_scene(primitive)
