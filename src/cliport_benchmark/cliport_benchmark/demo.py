@@ -7,10 +7,9 @@ import sys
 import time
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
 from PIL import Image
 
+from cliport_benchmark.animation import Animation
 from cliport_benchmark.errors import BenchmarkError
 from cliport_benchmark.graph_client import OVERLAYS, GraphClient
 from cliport_benchmark.graph_episode import Played, Progress, play_episode
@@ -24,35 +23,6 @@ from cliport_policy.checkpoint import shipped_for
 READY_TIMEOUT = 120.0
 GOAL_TIMEOUT = 200.0  # of one sentence [s]
 EPISODE_TIMEOUT = 900.0  # of a task [s]: twenty actions
-GIF_SIZE = (480, 270)
-GIF_EVERY_S = 0.4
-GIF_SPEEDUP = 2.0
-
-
-class Film:
-    """Keeps small camera frames at a fixed interval, for an animated GIF."""
-
-    def __init__(self) -> None:
-        self._frames: list[Image.Image] = []
-        self._last = -np.inf
-
-    def take(self, frame: NDArray[np.uint8]) -> None:
-        """Keep a frame if the interval has passed since the last one."""
-        now = time.monotonic()
-        if now - self._last >= GIF_EVERY_S:
-            self._last = now
-            self._frames.append(Image.fromarray(frame).resize(GIF_SIZE).quantize(128))
-
-    def save(self, path: Path) -> None:
-        """Write the GIF; no file when there are no frames."""
-        if self._frames:
-            self._frames[0].save(
-                path,
-                save_all=True,
-                append_images=self._frames[1:],
-                loop=0,
-                duration=round(1000 * GIF_EVERY_S / GIF_SPEEDUP),
-            )
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -96,7 +66,7 @@ def _run(args: argparse.Namespace, out: Path) -> tuple[Progress, Played]:
     _say(f"starting the graph (its output: {out}/graph.log)")
     checkpoint = args.checkpoint or shipped_for(args.task)
     arguments = {"task": args.task, "split": "test", "seed": str(args.seed), "checkpoint": checkpoint}
-    film = Film()
+    animation = Animation()
     with (
         GraphProcess("sim.launch.yaml", arguments, out / "graph.log") as graph,
         GraphClient("demo") as client,
@@ -108,7 +78,7 @@ def _run(args: argparse.Namespace, out: Path) -> tuple[Progress, Played]:
             Image.fromarray(client.camera_image()).save(out / "before.png")
             _say(f"instruction: {instruction}")
             client.on_status = _StatusPrinter()
-            client.on_frame = film.take
+            client.on_frame = animation.take
             if args.instruction:
                 asked = client.instruct_and_wait(instruction, GOAL_TIMEOUT, lambda: graph.healthy)
                 ended = Played(0.0, asked.steps, asked.message, (instruction,), asked.succeeded)
@@ -122,7 +92,7 @@ def _run(args: argparse.Namespace, out: Path) -> tuple[Progress, Played]:
         for topic in OVERLAYS:
             for step, picture in enumerate(client.overlays(topic), start=1):
                 Image.fromarray(picture).save(out / f"step{step}_{topic.rpartition('/')[2]}.png")
-    film.save(out / "demo.gif")
+    animation.save(out / "demo.gif")
     _say(f"pictures in {out}/: before.png, after.png, step*_pick.png, step*_place.png, demo.gif")
     return progress, ended
 

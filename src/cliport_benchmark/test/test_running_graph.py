@@ -15,7 +15,7 @@ pytest.importorskip("cliport_interfaces.msg")
 
 from sensor_msgs.msg import Image, JointState
 
-from cliport_benchmark import demo, graph_client, graph_process
+from cliport_benchmark import graph_client, graph_process
 from cliport_benchmark.errors import BenchmarkError, SceneError
 from cliport_benchmark.graph_client import GraphClient
 from cliport_benchmark.graph_process import GraphProcess
@@ -234,18 +234,3 @@ def test_processes_are_known_by_their_session(monkeypatch: pytest.MonkeyPatch) -
 
         monkeypatch.setattr(graph_process.os, "getsid", refuse)
         assert graph_process._session_of(own) == -1
-
-
-def test_a_film_keeps_a_frame_every_so_often(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    clock = Clock()
-    monkeypatch.setattr(demo, "time", clock)
-    film = demo.Film()
-    film.save(tmp_path / "none.gif")
-    assert not (tmp_path / "none.gif").exists()
-    for value in (0, 80, 160, 240):
-        film.take(np.full((54, 96, 3), value, np.uint8))
-        clock.now += 0.25
-    film.save(tmp_path / "demo.gif")
-    with demo.Image.open(tmp_path / "demo.gif") as gif:
-        assert gif.n_frames == 2 and gif.size == (480, 270), "at 0 and 0.5 s"
-        assert gif.info["duration"] == 200 and gif.info["loop"] == 0
