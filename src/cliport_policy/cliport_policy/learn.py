@@ -94,16 +94,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             return 130
         after = _compared(str(lesson.folder / "training"), lesson.held_out)
         minutes = round((time.monotonic() - started) / 60, 1)
-        report = {
-            "init": init or FROM_NOTHING,
-            "learned": [episode.name for episode in lesson.learned],
-            "held_out": [episode.name for episode in lesson.held_out],
-            "before": before,
-            "after": after,
-            "minutes_of_this_run": minutes,
-            "policy": str((lesson.folder / "training").resolve()),
-            "table": _rows(before, after),
-        }
+        report = _report(lesson, init, before, after, minutes)
         for path in (lesson.folder / REPORT_NAME, *([args.report] if args.report else [])):
             write_json(path, report)
     except (PolicyError, CoreError, EpisodesError) as error:
@@ -165,6 +156,21 @@ def _compared(checkpoint: str, episodes: Sequence[Path]) -> dict[str, Any] | Non
     for path in episodes:
         run.add(path)
     return summarize(run.comparisons)
+
+
+def _report(
+    lesson: Lesson, init: str | None, before: dict[str, Any] | None, after: dict[str, Any] | None, minutes: float
+) -> dict[str, Any]:
+    return {
+        "init": init or FROM_NOTHING,
+        "learned": [episode.name for episode in lesson.learned],
+        "held_out": [episode.name for episode in lesson.held_out],
+        "before": before,
+        "after": after,
+        "minutes_of_this_run": minutes,
+        "policy": str((lesson.folder / "training").resolve()),
+        "table": _rows(before, after),
+    }
 
 
 def _table(before: dict[str, Any] | None, after: dict[str, Any] | None, episodes: int) -> str:

@@ -6,13 +6,11 @@ import time
 from collections.abc import Callable
 from typing import TypeVar
 
-from cliport_core.errors import CoreError
 from cliport_core.outcome import ActionResult, Outcome
-from cliport_episodes.errors import EpisodesError
 from demo_tool.activity import Activity, StationHooks
 from demo_tool.bulletin import Bulletin
 from demo_tool.draft_desk import DrawnAction
-from demo_tool.errors import NotNowError, StationError
+from demo_tool.errors import NotNowError
 from demo_tool.motion import Motion
 from demo_tool.plan_approval import PlanApproval
 from demo_tool.ports import Arm, Policy
@@ -29,7 +27,6 @@ T = TypeVar("T")
 _CLOSE_SPARE = 1.0  # beyond what a cancel may take [s]
 _CLOSED = "the station was closed"
 _NOT_FOUND_OUT = (Outcome.CANCELLED, Outcome.EXECUTION_FAILED)  # of a plan: nothing is known about the action
-EXPECTED_ERRORS = (StationError, EpisodesError, CoreError, OSError)
 
 
 class ArmWork:
@@ -287,20 +284,14 @@ class ArmWork:
         self._run(lambda: self._write_step(MovedStep(drawn, motion.goal.instruction, result, words)))
 
     def _write_step(self, step: MovedStep) -> None:
-        failure, words, result = "", step.words, step.result
-        try:
-            self._keeper.save(step)
-        except EXPECTED_ERRORS as error:
-            failure = f"the arm moved ({words}), but the step was not recorded: {error}"
-        except Exception as error:  # a defect must not leave the station recording for ever
-            failure = f"the step was not recorded: internal error: {type(error).__name__}: {error}"
+        failure, words = self._keeper.saved_or_why_not(step), step.words
         with self._bulletin.lock:
             self._is_writing = False
             if failure:
                 self._bulletin.fail(failure)
                 return
             self._hooks.on_recorded()
-            if result.outcome is Outcome.SUCCEEDED:
+            if step.result.outcome is Outcome.SUCCEEDED:
                 self._bulletin.say(f"recorded; {words}")
             else:
                 self._bulletin.fail(f"recorded as it went: {words}. Undo drops the step; the arm does not go back")

@@ -109,7 +109,6 @@ class Recorder:
         with self._lock:
             if self._writer is None and self.data_set_name is not None:
                 self._writer = EpisodeWriter.create(self._root / self.data_set_name, setup)
-                self._steps = ()
                 self._update_episode()
 
     def add_step(self, messages: Sequence[RawMessage], record_of: Callable[[int], StepRecord]) -> None:

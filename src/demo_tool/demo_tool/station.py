@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 from cliport_core.policy_state import PolicyState, ServerStatus
 from cliport_core.pose import PlanarPose
 from demo_tool.activity import Activity, StationHooks
-from demo_tool.arm_work import EXPECTED_ERRORS, ArmWork
+from demo_tool.arm_work import ArmWork
 from demo_tool.bulletin import Bulletin
 from demo_tool.camera_watch import CameraWatch
 from demo_tool.draft_desk import DraftDesk
@@ -26,6 +26,7 @@ from demo_tool.ports import Arm, Lessons, Policy, Scenes
 from demo_tool.recording import Recorder
 from demo_tool.scene_change import SceneChange
 from demo_tool.station_config import StationConfig
+from demo_tool.step_keeper import EXPECTED_ERRORS
 from demo_tool.teach_now import TeachNow
 from demo_tool.wording import policy_words
 from demo_tool.work import Job, WorkThread

@@ -5,13 +5,16 @@ from __future__ import annotations
 from contextlib import suppress
 from dataclasses import dataclass
 
+from cliport_core.errors import CoreError
 from cliport_core.outcome import ActionResult
 from cliport_episodes.errors import EpisodesError
 from demo_tool.draft_desk import DrawnAction
-from demo_tool.errors import NotNowError
+from demo_tool.errors import NotNowError, StationError
 from demo_tool.recording import Recorder
 from demo_tool.station_config import StationConfig
 from demo_tool.steps import record_of
+
+EXPECTED_ERRORS = (StationError, EpisodesError, CoreError, OSError)
 
 
 @dataclass(frozen=True)
@@ -42,6 +45,16 @@ class StepKeeper:
             self.unsaved = step
             raise
         self.unsaved = None
+
+    def saved_or_why_not(self, step: MovedStep) -> str:
+        """Record a step, whatever fails; return "", or a sentence for the page."""
+        try:
+            self.save(step)
+        except EXPECTED_ERRORS as error:
+            return f"the arm moved ({step.words}), but the step was not recorded: {error}"
+        except Exception as error:  # a defect must not leave the station recording for ever
+            return f"the step was not recorded: internal error: {type(error).__name__}: {error}"
+        return ""
 
     def save_again(self) -> MovedStep:
         """Record the kept step. Raises NotNowError when there is none; EpisodesError, StationError, OSError."""

@@ -70,6 +70,13 @@ def test_rectified_pictures_have_no_distortion(tmp_path: Path, rectified: bool, 
     assert seen[0].camera.is_distorted is not rectified
 
 
+def test_a_link_without_a_station_ends_well() -> None:
+    link = RosLink()
+    link._tick()
+    link.close()
+    link.destroy_node()
+
+
 def test_compressed_pictures_are_refused() -> None:
     with pytest.raises(StationError, match="records raw images"):
         RosLink([Parameter("compressed", value=True)])

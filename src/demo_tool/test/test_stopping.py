@@ -243,3 +243,19 @@ def test_nothing_else_begins_while_the_disk_is_written_to(bench, monkeypatch, co
     bench.do(command, **({"name": "blocks"} if command == "open_data_set" else {}))
     assert seen == [("recording", "busy recording (writing to the disk): wait for its end, or stop")]
     bench.do("clear")
+
+
+def test_the_draft_is_not_judged_while_the_arm_works_or_no_picture_came(held, monkeypatch) -> None:
+    judged: list[object] = []
+    monkeypatch.setattr(held.station._desk, "judge", judged.append)
+    held.station._judge_draft()
+    assert not judged, "there is no picture"
+    monkeypatch.undo()
+    drawn(held)
+    held.do("execute")
+    monkeypatch.setattr(held.station._desk, "judge", judged.append)
+    held.station._judge_draft()
+    assert not judged, "the arm is in the picture"
+    held.arm.on_end(ActionResult(Outcome.CANCELLED, "cancelled during planning; nothing moved"))
+    held.station._judge_draft()
+    assert len(judged) == 1

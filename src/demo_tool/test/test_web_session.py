@@ -12,8 +12,11 @@ import psutil
 import pytest
 from page_socket import opened
 from web_workplace import PATIENCE, workplace
+from websockets.exceptions import ConnectionClosed
+from websockets.protocol import State
 from websockets.sync.client import ClientConnection
 
+from demo_tool.web import session
 from demo_tool.web.arm_holder import ArmHolder
 from demo_tool.web.session import Sessions
 
@@ -109,3 +112,33 @@ def test_loads_and_dropped_connections_leave_memory_flat(tmp_path: Path) -> None
         assert after[2] - after[1] < 8e6
         with opened(place, "page-after-all") as page:
             assert "view" in json.loads(page.recv(timeout=PATIENCE))
+
+
+def test_a_page_that_asks_for_too_much_at_once_is_closed_but_its_stop_counts(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(session, "MAX_PENDING_REQUESTS", 3)
+    released = threading.Event()
+    with workplace(tmp_path) as place, opened(place) as page:
+        original = place.station.command
+
+        def slow(name: str, arguments: dict) -> dict:
+            if name == "statistics":
+                released.wait(PATIENCE)
+                return {}
+            return original(name, arguments)
+
+        monkeypatch.setattr(place.station, "command", slow)
+        try:
+            for number in range(3):
+                send(page, number, "statistics")
+            send(page, 3, "stop")
+            end = time.monotonic() + PATIENCE
+            while place.arm.stops == 0 and time.monotonic() < end:
+                time.sleep(0.02)
+            assert place.arm.stops == 1 and page.state is State.OPEN, "three may wait, and a stop goes before them"
+            send(page, 4, "statistics")
+            with pytest.raises(ConnectionClosed):
+                messages_for(page, PATIENCE)
+        finally:
+            released.set()

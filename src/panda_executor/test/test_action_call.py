@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -127,6 +128,18 @@ def test_a_motion_that_takes_too_long_is_cancelled(bench: Bench) -> None:
     end = bench.call(timeout=0.05).result(GUARD)
     assert bench.arm.cancelled.wait(GUARD)
     assert end.status is MotionStatus.TIMED_OUT and f"{NAME} took more than 0.1 s" in end.message
+
+
+def test_a_clock_that_goes_on_does_not_stand_still(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(action_call, "_STANDSTILL", 0.0)
+    looks = itertools.count()
+
+    def look() -> bool:
+        if next(looks) == 5:
+            bench.arm.may_end.set()
+        return False
+
+    assert bench.call(look).result(GUARD).status is MotionStatus.SUCCEEDED
 
 
 def test_a_goal_that_is_accepted_too_late_is_cancelled(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -123,6 +123,18 @@ def test_unseen_space_behind_a_column_counts_as_filled_up_to_the_line_of_sight()
     assert shadow[10] == pytest.approx(0.2 - 0.1 * (0.8 - 0.2) / (1.0 - 0.405), abs=0.015)
 
 
+@pytest.mark.parametrize("turned", [False, True])
+def test_a_shadow_that_leaves_the_grid_does_not_come_in_at_its_other_side(turned: bool) -> None:
+    heights, seen = np.full((3, 30), -1.0), np.zeros((3, 30), dtype=bool)
+    heights[1, 3] = 0.3
+    camera = np.array([1.0, 0.015, 0.8])
+    if turned:
+        heights, seen, camera = heights.T.copy(), seen.T.copy(), camera[[1, 0, 2]]
+    filled = with_shadows(heights, seen, 0.0, 0.0, 0.01, camera, FLOOR)
+    behind, far = (filled[:3, 1], filled[20:, 1]) if turned else (filled[1, :3], filled[1, 20:])
+    assert (behind > 0.0).all() and (far == -1.0).all()
+
+
 @pytest.mark.parametrize(("rule", "touches"), [(UnseenRule.FREE, False), (UnseenRule.SHADOW, True)])
 def test_the_rule_for_unseen_space_is_a_setting(workspace: WorkspaceSpec, rule: UnseenRule, touches: bool) -> None:
     wall = np.stack(np.meshgrid([0.5, 0.502], np.arange(-0.1, 0.1, 0.002), [0.3]), -1).reshape(-1, 3)

@@ -10,6 +10,7 @@ from synthetic_clouds import Cube, cloud_of, table_points
 
 from cliport_core.pose import PlanarPose
 from cliport_core.workspace import WorkspaceSpec
+from panda_executor import grasp
 from panda_executor.errors import GraspError
 from panda_executor.grasp import Grasp, plan_grasps
 from panda_model import load_preset
@@ -126,3 +127,12 @@ def test_no_grasp_is_one_line(workspace: WorkspaceSpec, cloud: np.ndarray, words
     with pytest.raises(GraspError, match=words) as caught:
         plan_grasps(cloud, PlanarPose(0.45, 0.0, 0.0), workspace)
     assert "\n" not in str(caught.value)
+
+
+def test_of_two_reasons_the_one_of_the_thing_at_the_pick_is_given(
+    workspace: WorkspaceSpec, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    reasons = iter(("too wide by itself", "too wide with what touches it"))
+    monkeypatch.setattr(grasp, "_grasps_of", lambda *arguments: ([], next(reasons)))
+    with pytest.raises(GraspError, match="too wide by itself"):
+        plan_grasps(cloud_of([Cube(0.45, 0.0)]), PlanarPose(0.45, 0.0, 0.0), workspace)

@@ -101,6 +101,13 @@ def test_a_camera_that_is_placed_elsewhere_is_no_longer_in_the_way() -> None:
     assert len(planner.model.geometry.geometryObjects) == boxes
 
 
+def test_the_camera_post_reaches_from_the_table_to_the_camera(planner, model: PandaModel) -> None:
+    (post,) = (box for box in model.geometry.geometryObjects if "camera post" in box.name)
+    clearance = planner.config.scene.fixed_clearance  # with which the box was made
+    assert float(post.placement.translation[2]) == pytest.approx(float(CAMERA[2]) / 2.0)
+    assert float(post.geometry.halfSide[2]) == pytest.approx(float(CAMERA[2]) / 2.0 + clearance)
+
+
 def test_an_unknown_frame_is_named(model: PandaModel) -> None:
     with pytest.raises(RobotDescriptionError, match="no frame 'panda_tail'"):
         model.frame_pose("panda_tail", READY_POSITIONS)

@@ -314,11 +314,20 @@ def test_fingers_that_are_nearly_closed_hold_nothing(bench: Bench, width: float,
     assert bench.run().outcome is outcome
 
 
-def test_grasp_missed(bench: Bench) -> None:
+def test_grasp_missed(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
     bench.gripper.object_width = 0.0
+    opened_in: list[Phase] = []
+    move = bench.gripper.move
+
+    def noted(width: float, max_effort: float, should_stop: ShouldStop) -> GripperResult:
+        opened_in.append(bench.phases[-1][0])
+        return move(width, max_effort, should_stop)
+
+    monkeypatch.setattr(bench.gripper, "move", noted)
     result = bench.run()
     assert result.outcome is Outcome.GRASP_MISSED
     assert "closed on nothing" in result.message
+    assert opened_in[-1] is Phase.RETREAT, "the fingers open on the way back"
     assert Phase.CARRY not in bench.entered()
     assert result.gripper_width > 0.04
     np.testing.assert_allclose(bench.arm.positions, READY_POSITIONS, atol=1e-6)  # out of the view

@@ -130,6 +130,13 @@ def test_a_way_through_an_object(planner: TransferPlanner, model: PandaModel, fr
     refuse(motion, free_scene.with_grid(ObstacleGrid.from_cloud(post, workspace, 0.012)), "(hand|arm) would touch")
 
 
+@pytest.mark.parametrize(("beyond", "valid"), [(-1e-3, True), (5e-7, True), (1e-3, False), (0.5, False)])
+def test_a_joint_beyond_its_limit_is_not_valid(free_scene: Scene, beyond: float, valid: bool) -> None:
+    positions = READY_POSITIONS.copy()
+    positions[6] = PANDA_LIMITS.upper[6] + beyond  # the wrist turns: nothing is touched
+    assert free_scene.is_valid(positions) == valid
+
+
 def test_only_the_end_touches_the_table(planner: TransferPlanner, model: PandaModel, free_scene: Scene) -> None:
     guess = READY_POSITIONS
     for z in np.arange(0.05, -0.05, -0.001):

@@ -331,6 +331,16 @@ def test_start_times():
     assert bench.time == pytest.approx(8.0, abs=0.1)
 
 
+@pytest.mark.parametrize(("ahead", "taken"), [(59.9, True), (60.4, False)])
+def test_a_start_more_than_a_minute_ahead_is_of_another_clock(ahead: float, taken: bool) -> None:
+    bench = Bench(time=5.0)
+    if taken:
+        assert bench.start(swing(start_time=5.0 + ahead)).status is GoalStatus.EXECUTING
+    else:
+        with pytest.raises(GoalRejectedError, match=r"starts 60\.4 s from now \(limit 60 s\)"):
+            bench.start(swing(start_time=5.0 + ahead))
+
+
 def test_reset_holds_where_the_arm_is():
     bench = Bench()
     execution = bench.start(swing())

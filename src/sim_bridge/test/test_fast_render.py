@@ -15,12 +15,14 @@ from open3d.t.geometry import RaycastingScene
 from cliport_core import Pose
 from cliport_perception import CameraModel
 from sim_bridge.geometry.mesh import TriangleMesh
+from sim_bridge.rendering import backdrop_view
 from sim_bridge.rendering.appearance import Appearance, random_appearance, random_light, random_table
 from sim_bridge.rendering.backdrop import TABLE_TRIANGLES, backdrop_mesh
 from sim_bridge.rendering.camera import default_intrinsics, mounting_error
 from sim_bridge.rendering.image_window import ImageWindow
 from sim_bridge.rendering.mounting import load_mounting
 from sim_bridge.rendering.panda_meshes import panda_meshes
+from sim_bridge.rendering.rays import Rays
 from sim_bridge.rendering.renderer import Renderer
 from sim_bridge.rendering.table_texture import Pattern, TableTexture
 from sim_bridge.rendering.visible import Visible
@@ -157,6 +159,14 @@ def test_things_at_edges_in_the_air_below_the_table_and_before_the_lens() -> Non
     assert_fast_equals_plain(Still(before_the_lens), load_mounting(), Appearance())
     from_the_side = Pose.looking_at((0.4, 1.0, 0.2), (0.4, 0.0, 0.3))  # the floor's end and the void beyond it
     assert_fast_equals_plain(Still(things), from_the_side, Appearance())
+
+
+def test_the_tables_top_needs_no_rays() -> None:
+    directions = np.array([[0.0, 0.0, -1.0], [0.2, 0.1, -1.0], [3.0, 0.0, -1.0], [0.0, 3.0, -1.0], [0.1, 0.0, 1.0]])
+    rays = Rays(np.array([0.5, 0.0, 0.8], np.float32), directions.astype(np.float32), np.ones(5, np.float32))
+    depth, is_top = backdrop_view._table_top(rays)
+    assert is_top.tolist() == [True, True, False, False, False]
+    assert depth[:2] == pytest.approx([0.8, 0.8])
 
 
 def test_a_distorting_lens_and_an_empty_table() -> None:

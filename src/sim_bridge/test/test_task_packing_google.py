@@ -9,10 +9,11 @@ import pytest
 
 from cliport_core import Pose
 from sim_bridge.errors import ObjectFolderError
-from sim_bridge.everyday import FOLDER_VARIABLE, object_set
+from sim_bridge.everyday import FOLDER_VARIABLE, EverydayObject, object_set
 from sim_bridge.objects import SceneObject
 from sim_bridge.objects.block import WIDEST_PINCH
 from sim_bridge.scene import reset_scene
+from sim_bridge.task_mechanics import dropping
 from sim_bridge.task_mechanics.goal import ZoneMetric
 from sim_bridge.tasks.packing_google_objects import PackingGoogleObjects
 from sim_bridge.world import SimWorld
@@ -180,3 +181,21 @@ def test_a_missing_folder_ends_in_one_line(world: SimWorld, monkeypatch: pytest.
     monkeypatch.setenv(FOLDER_VARIABLE, str(tmp_path / "nothing"))
     with pytest.raises(ObjectFolderError, match="is no folder"):
         reset_scene(world, SEQ, "val", 0)
+
+
+def test_a_thing_that_cannot_be_held_as_it_lies_is_left_out_and_the_next_are_not(
+    world: SimWorld, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    holdable, tried = dropping._holdable, []
+
+    def all_but_the_first(thing: EverydayObject, *how: object) -> object:
+        tried.append(thing.name)
+        return None if len(tried) == 1 else holdable(thing, *how)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(dropping, "_holdable", all_but_the_first)
+    world.clear()
+    source = object_set()
+    names = source.seen[:3]
+    things = dropping.drop(world, [(source.named(name), 0.12) for name in names], np.random.default_rng(0))
+    assert tuple(tried) == tuple(names)
+    assert [thing.shape.name for thing in things] == list(names[1:])

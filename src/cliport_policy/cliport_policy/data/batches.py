@@ -23,6 +23,7 @@ from cliport_policy.data.augmentation import (
     jitter_height,
     warp,
 )
+from cliport_policy.data.demonstrations import Demonstration
 from cliport_policy.data.mirror import draw_mirror
 from cliport_policy.data.mixture import Drawn
 from cliport_policy.data.paraphrase import paraphrase
@@ -132,12 +133,7 @@ def make_sample(
         observation, demo = rearranged(observation, demo, rng)
     if mirror is not None:
         observation, demo = mirror.scene(observation), mirror.demonstration(demo, observation.valid.shape)
-    transform = identity_transform()
-    if rng.random() < config.augment_probability:
-        keep = [demo.pick_pixel, demo.place_pixel] if demo.acts else []
-        directed = is_falsified_by_turning(demo.instruction)
-        sigma = config.directed_rotation_sigma_deg if directed else config.rotation_sigma_deg
-        transform = draw_transform(observation.valid.shape, keep, sigma, config.translation_sigma_px, rng)
+    transform = _drawn_motion(demo, observation.valid.shape, config, rng)
     look = int(rng.integers(2**62)) if config.jitter else None
     goal = None if drawn.goal is None else drawn.data.observation(drawn.goal)
     if goal is not None and mirror is not None:
@@ -156,6 +152,18 @@ def make_sample(
         rotation=math.remainder(demo.place_yaw - demo.pick_yaw, 2 * math.pi),
         seed=seed,
     )
+
+
+def _drawn_motion(
+    demo: Demonstration, shape: tuple[int, int], config: TrainConfig, rng: np.random.Generator
+) -> PlanarTransform:
+    """Draw how the scene is moved: with augment_probability, about less where its sentence names a direction."""
+    if rng.random() >= config.augment_probability:
+        return identity_transform()
+    keep = [demo.pick_pixel, demo.place_pixel] if demo.acts else []
+    directed = is_falsified_by_turning(demo.instruction)
+    sigma = config.directed_rotation_sigma_deg if directed else config.rotation_sigma_deg
+    return draw_transform(shape, keep, sigma, config.translation_sigma_px, rng)
 
 
 def _image(

@@ -18,15 +18,7 @@ from cliport_core.policy_state import PolicyState, ServerStatus
 from cliport_policy.errors import PolicyError
 from cliport_policy.inference import Inference
 from cliport_policy.server.goal_tracker import GoalPhase, GoalTracker
-from cliport_policy.server.types import (
-    BUSY,
-    TRY_AGAIN,
-    Answer,
-    ExecutorPort,
-    Moment,
-    ServerConfig,
-    ServerEffects,
-)
+from cliport_policy.server.types import BUSY, TRY_AGAIN, Answer, ExecutorPort, Moment, ServerConfig, ServerEffects
 from cliport_policy.server.wording import NOT_RESUMED, NOT_TOLD, STOPPED, ended_words, excerpt, one_line
 
 _CLOCK_RESET_NS = 10_000_000_000  # ROS time this far before what was waited for has been set back

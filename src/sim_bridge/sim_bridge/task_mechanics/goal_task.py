@@ -30,14 +30,13 @@ FloatArray = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class _Way:
-    """One way to hold and turn a thing: the fingers' ground that is taken, size of the turn, width, and poses."""
+    """One way to hold and turn a thing: the fingers' ground that is taken, the turn and its size, width, and action."""
 
     taken: float
     size: float
     width: float
     turn: float
-    pick: PlanarPose
-    place: PlanarPose
+    action: PickPlaceAction
 
     @property
     def cost(self) -> tuple[float, float, float]:
@@ -46,8 +45,9 @@ class _Way:
 
     def is_quarter_of(self, other: _Way) -> bool:
         """Return True if this is the other with the gripper turned by a quarter."""
-        same_place = math.hypot(self.pick.x - other.pick.x, self.pick.y - other.pick.y) < 1e-6
-        return same_place and abs(abs(math.remainder(self.pick.yaw - other.pick.yaw, math.pi)) - math.pi / 2) < 1e-6
+        here, there = self.action.pick, other.action.pick
+        same_place = math.hypot(here.x - there.x, here.y - there.y) < 1e-6
+        return same_place and abs(abs(math.remainder(here.yaw - there.yaw, math.pi)) - math.pi / 2) < 1e-6
 
 
 class GoalTask(Task):
@@ -236,14 +236,16 @@ class GoalTask(Task):
             pick = gripper_at(here, pinch)
             place = gripper_at(PlanarPose(target.x, target.y, here.yaw + turn), pinch)
             taken = at_pick.blocked(pick, pinch.width) + at_place.blocked(place, pinch.width)
-            ways.append(_Way(round(taken, 3), round(abs(turn), 6), round(pinch.width, 6), turn, pick, place))
+            action = PickPlaceAction(pick, place, self.primitive)
+            ways.append(_Way(round(taken, 3), round(abs(turn), 6), round(pinch.width, 6), turn, action))
         best = min(ways, key=lambda way: way.cost)
         quarter_too = any(way.cost == best.cost and way.is_quarter_of(best) for way in ways)
         period = math.pi / 2 if quarter_too else math.pi
-        yaw = math.remainder(best.pick.yaw, period)
+        pick, place = best.action.pick, best.action.place
+        yaw = math.remainder(pick.yaw, period)
         return PickPlaceAction(
-            PlanarPose(best.pick.x, best.pick.y, yaw),
-            PlanarPose(best.place.x, best.place.y, yaw + best.turn),
+            PlanarPose(pick.x, pick.y, yaw),
+            PlanarPose(place.x, place.y, yaw + best.turn),
             self.primitive,
             pick_yaw_period=period,
         )
