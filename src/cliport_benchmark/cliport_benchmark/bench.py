@@ -96,12 +96,12 @@ def bench_camera_and_action() -> list[Row]:
 
 
 def bench_planning() -> Iterator[Row]:
-    """Time planning one pick and place of the task from the ready pose, and single searches among columns.
+    """Time planning one pick and place of the task from the ready pose, its preview, and single searches.
 
-    search_clutter_*: from one side of the workspace to the other, where no straight way is free; *_found: how many of
-    these searches found a way.
+    plan_preview: trajectory, ways and picture of it, without their messages. search_clutter_*: from one side of the
+    workspace to the other, where no straight way is free; *_found: how many of these searches found a way.
     """
-    from cliport_benchmark.bench_planning import compared
+    from cliport_benchmark.bench_planning import compared, drawn
     from cliport_benchmark.observer import Observer
     from cliport_core import PickPlaceAction
     from panda_executor.model import PandaModel
@@ -112,7 +112,7 @@ def bench_planning() -> Iterator[Row]:
     sim = SimConfig()
     world, observer, planner = SimWorld(sim), Observer(sim), TransferPlanner(PandaModel())
     planner.place_camera(observer.camera.camera_in_base.translation)
-    samples = []
+    samples, previews = [], []
     for seed in range(20):
         task = reset_scene(world, TASK, "val", seed)
         action = task.expert_action()
@@ -121,10 +121,14 @@ def bench_planning() -> Iterator[Row]:
         cloud = observer.cloud(observer.frame(world))
         asked = PickPlaceAction(action.pick, action.place)
         start = time.perf_counter()
-        planner.plan(asked, cloud, sim.workspace, planner.ready)
-        samples.append(1000 * (time.perf_counter() - start))
+        plan = planner.plan(asked, cloud, sim.workspace, planner.ready)
+        planned = time.perf_counter()
+        drawn(planner, plan)
+        samples.append(1000 * (planned - start))
+        previews.append(1000 * (time.perf_counter() - planned))
     world.close()
     yield row("plan_transfer", samples, "ms")
+    yield row("plan_preview", previews, "ms")
     for name, times, share in compared(20):
         yield row(f"search_clutter_{name}", times, "ms")
         yield row(f"search_clutter_{name}_found", [share], "%")

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
+import numpy.typing as npt
 
 from cliport_core.workspace import WorkspaceSpec
 from panda_executor.config import SearchAlgorithm, SearchConfig
@@ -16,13 +17,21 @@ from panda_executor.ik import hand_down_pose
 from panda_executor.model import PandaModel
 from panda_executor.obstacle_grid import ObstacleGrid
 from panda_executor.path_search import find_path, line_is_free
+from panda_executor.plan_preview import joined, paths, picture
 from panda_executor.scene import Scene
 from panda_executor.transfer import TransferPlanner
+from panda_executor.transfer_attempts import PickPlacePlan
 from panda_model import FloatArray
 
 _COLUMNS = 8  # in a scene
 _FLOOR = 0.012  # what is lower is the table [m]
 Query = tuple[Scene, FloatArray, FloatArray]
+
+
+def drawn(planner: TransferPlanner, plan: PickPlacePlan) -> npt.NDArray[np.uint8]:
+    """Return the picture (H, W, 3) of a plan's preview, after everything else that is computed for one."""
+    joined(plan.motions)
+    return picture(plan.motions[0].scene.grid, paths(planner.model, plan.motions))
 
 
 def clutter_queries(count: int, seed: int = 0) -> list[Query]:

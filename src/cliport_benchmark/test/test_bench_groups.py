@@ -87,12 +87,15 @@ def test_planning(played: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sim_bridge.scene.reset_scene", lambda world, task, split, seed: next(scenes))
     monkeypatch.setattr("sim_bridge.world.SimConfig", lambda: SimpleNamespace(workspace=None))
     monkeypatch.setattr("cliport_benchmark.bench_planning.compared", lambda n: [("rrt", [float(n), 2.0 * n], 75.0)])
+    drawn: list[Any] = []
+    monkeypatch.setattr("cliport_benchmark.bench_planning.drawn", lambda planner, plan: drawn.append(plan))
     assert table(bench.bench_planning()) == [
         ("plan_transfer", 250.0, "ms", 19),
+        ("plan_preview", 250.0, "ms", 19),
         ("search_clutter_rrt", 30.0, "ms", 2),
         ("search_clutter_rrt_found", 75.0, "%", 1),
     ]
-    assert played.count("TransferPlanner.plan") == 19 and "SimWorld.close" in played
+    assert played.count("TransferPlanner.plan") == len(drawn) == 19 and "SimWorld.close" in played
 
 
 def test_first_motion(played: list[str], monkeypatch: pytest.MonkeyPatch) -> None:

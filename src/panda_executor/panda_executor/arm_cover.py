@@ -27,8 +27,8 @@ class ArmCover:
     joints: IntArray
     centres: FloatArray
     radii: FloatArray
-    _groups: list[tuple[int, IntArray, FloatArray]] = field(init=False, repr=False)  # joint, its spheres, their centres
-    _group_of: IntArray = field(init=False, repr=False)  # (N,) of each sphere
+    _moving: list[int] = field(init=False, repr=False)  # the joints that have spheres
+    _group_of: IntArray = field(init=False, repr=False)  # (N,) of each sphere, its joint's number among those
 
     @classmethod
     def of_links(cls, model: pin.Model, geometry: pin.GeometryModel, links: tuple[str, ...]) -> ArmCover:
@@ -49,28 +49,16 @@ class ArmCover:
         )
 
     def __post_init__(self) -> None:
-        groups = [(int(joint), np.flatnonzero(self.joints == joint)) for joint in np.unique(self.joints)]
-        object.__setattr__(self, "_groups", [(joint, index, self.centres[index]) for joint, index in groups])
-        group_of = np.zeros(len(self.joints), dtype=np.int64)
-        for number, (_, index) in enumerate(groups):
-            group_of[index] = number
-        object.__setattr__(self, "_group_of", group_of)
+        moving, group_of = np.unique(self.joints, return_inverse=True)
+        object.__setattr__(self, "_moving", [int(joint) for joint in moving])
+        object.__setattr__(self, "_group_of", group_of.ravel())
 
     def placed(self, data: pin.Data) -> FloatArray:
         """Return the centres (N, 3) [m, base frame] for the joint placements that `data` holds."""
-        centres = np.empty_like(self.centres)
-        for joint, index, local in self._groups:
-            placement = data.oMi[joint]
-            centres[index] = local @ placement.rotation.T + placement.translation
-        return centres
-
-    def lowest(self, data: pin.Data) -> float:
-        """Return the height [m, base frame] below which no sphere reaches, for the same placements."""
-        placements = [data.oMi[joint] for joint, _, _ in self._groups]
-        upward = np.array([placement.rotation[2] for placement in placements])[self._group_of]
-        heights = np.array([placement.translation[2] for placement in placements])[self._group_of]
-        heights += np.einsum("ij,ij->i", self.centres, upward) - self.radii
-        return float(heights.min(initial=np.inf))
+        placements = [data.oMi[joint] for joint in self._moving]
+        rotations = np.array([placement.rotation for placement in placements])[self._group_of]
+        origins = np.array([placement.translation for placement in placements])[self._group_of]
+        return np.einsum("nij,nj->ni", rotations, self.centres) + origins
 
 
 def _hull_surface(vertices: FloatArray) -> FloatArray:

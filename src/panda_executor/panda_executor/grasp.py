@@ -101,13 +101,14 @@ class Grasp:
             for j in range(-steps, steps + 1):
                 mask[np.clip(index[:, 1] + i, 0, n - 1), np.clip(index[:, 0] + j, 0, n - 1)] = True
         with np.errstate(invalid="ignore"):
-            relative = points[:, :2] - self.centroid[:2]
-            near = np.all(np.abs(relative) < reach, axis=1)
-            inside = np.zeros(len(points), dtype=bool)
-            cells = np.floor((relative[near] + reach) / self.cell).astype(np.int64)
+            x, y = points[:, 0] - self.centroid[0], points[:, 1] - self.centroid[1]
+            near = np.flatnonzero((np.abs(x) < reach) & (np.abs(y) < reach) & (points[:, 2] > self.support_z + 0.002))
+            relative = np.stack([x[near], y[near]], axis=1)
+            cells = np.floor((relative + reach) / self.cell).astype(np.int64)
         cells = np.clip(cells, 0, n - 1)
+        inside = np.zeros(len(points), dtype=bool)
         inside[near] = mask[cells[:, 1], cells[:, 0]]
-        return inside & (points[:, 2] > self.support_z + 0.002)
+        return inside
 
 
 def plan_grasps(

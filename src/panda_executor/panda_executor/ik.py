@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -73,13 +74,14 @@ class HandDownIk:
     def refine(self, target: Pose, seed: FloatArray) -> tuple[FloatArray, float]:
         """Descend from one seed (7,) [rad] to the target; return the positions reached and the error left [m + rad]."""
         goal = pin.SE3(np.array(target.rotation), np.array(target.translation))
-        q = np.clip(seed, self._limits.lower, self._limits.upper)
+        lower, upper = self._limits.lower, self._limits.upper
+        q = np.clip(seed, lower, upper)
         damping = self._damping**2 * _EYE6
         residual = math.inf
         for _ in range(self._max_iterations):
             error, jacobian = self._model.tcp_error_and_jacobian(q, goal)
-            position_error = float(np.linalg.norm(error[:3]))
-            angle_error = float(np.linalg.norm(error[3:]))
+            position_error = math.sqrt(error[:3].dot(error[:3]))
+            angle_error = math.sqrt(error[3:].dot(error[3:]))
             residual = position_error + angle_error
             if position_error < _POSITION_TOLERANCE and angle_error < _ANGLE_TOLERANCE:
                 break
@@ -89,7 +91,7 @@ class HandDownIk:
             largest = float(np.abs(step).max())
             if largest > _MAX_STEP:
                 step *= _MAX_STEP / largest
-            moved = np.clip(q + step, self._limits.lower, self._limits.upper)
+            moved = np.minimum(np.maximum(q + step, lower), upper)
             if float(np.abs(moved - q).max()) < 1e-9:
                 break
             q = moved
@@ -132,8 +134,8 @@ class HandDownIk:
         crowded = np.clip(1.0 - to_limit / (0.15 * self._span), 0.0, 1.0)
         return distance + 1.5 * float(np.sum(crowded**2))
 
-    def _seeds(self, target: Pose, reference: FloatArray) -> list[FloatArray]:
-        """Return the reference, then configurations turned towards the target with the wrist at its yaw."""
+    def _seeds(self, target: Pose, reference: FloatArray) -> Iterator[FloatArray]:
+        """Yield the reference, then configurations turned towards the target with the wrist at its yaw."""
         x, y, _z = target.translation
         bearing = math.atan2(float(y), float(x))
         reach = float(np.clip((math.hypot(float(x), float(y)) - 0.3) / 0.45, 0.0, 1.0))
@@ -158,8 +160,8 @@ class HandDownIk:
         # Close to the base, between table and shoulder, only a twisted arm folds far enough.
         twisted = np.array([1.0, 0.22, -1.15, -2.69, -2.6, 3.55, 1.7])
         mirror = np.array([-1.0, 1.0, -1.0, 1.0, -1.0, 1.0, 1.0])
-        seeds += [twisted, twisted * mirror]
+        yield from (*seeds, twisted, twisted * mirror)
         random = np.random.default_rng(0)
         lower, upper = self._limits.lower, self._limits.upper
-        seeds += [random.uniform(lower, upper) for _ in range(_RESTARTS)]
-        return seeds
+        for _ in range(_RESTARTS):
+            yield random.uniform(lower, upper)

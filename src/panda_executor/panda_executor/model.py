@@ -99,6 +99,10 @@ class PandaModel:
     def tcp_arrays(self, positions: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return `tcp_pose` as (3, 3), (3,) [m], without the checks of the value type; for inner loops."""
         pin.forwardKinematics(self.model, self.data, positions)
+        return self.tcp_arrays_now()
+
+    def tcp_arrays_now(self) -> tuple[FloatArray, FloatArray]:
+        """Return `tcp_arrays` of the positions for which kinematics or collisions were computed last."""
         placement = pin.updateFramePlacement(self.model, self.data, self._tcp)
         return placement.rotation.copy(), placement.translation.copy()
 

@@ -63,13 +63,14 @@ class ObstacleGrid:
         """
         free = cls.empty(workspace, cell)
         rows, cols = free.heights.shape
-        z = cloud[:, 2]
-        points = cloud[np.isfinite(z)]
+        finite = np.isfinite(cloud[:, 2])
+        points = cloud if finite.all() else cloud[finite]
         row = np.floor((points[:, 1] - free.y_min) / cell).astype(np.int64)
         col = np.floor((points[:, 0] - free.x_min) / cell).astype(np.int64)
-        inside = (row >= 0) & (row < rows) & (col >= 0) & (col < cols)
+        inside = np.flatnonzero((row >= 0) & (row < rows) & (col >= 0) & (col < cols))
         index, z = row[inside] * cols + col[inside], points[inside, 2]
-        seen = np.bincount(index, minlength=rows * cols) > 0
+        seen = np.zeros(rows * cols, dtype=bool)
+        seen[index] = True
         index, z = index[z > floor], z[z > floor]
         heights = np.full(rows * cols, EMPTY)
         np.maximum.at(heights, index, z.astype(np.float64))

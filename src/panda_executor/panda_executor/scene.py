@@ -109,11 +109,11 @@ class Scene:
         """Return True if a configuration (7,) [rad] is within limits and touches nothing."""
         if not self.model.limits.contains(positions, 1e-6) or self.model.in_collision(positions):
             return False
-        # in_collision has just computed the kinematics of `positions`
-        rotation, translation = self.model.tcp_arrays(positions)
-        if self._hand_hits(rotation, translation) or self._arm_hits() is not None:
+        rotation, translation = self.model.tcp_arrays_now()
+        if self._hand_hits(rotation, translation):
             return False
-        return self._load_hits(rotation, translation) is None
+        links = self.model.reaching.placed(self.model.data)
+        return self._touching(links) is None and self._load_hits(rotation, translation, links) is None
 
     def problem(self, positions: FloatArray) -> str | None:
         """Return why a configuration (7,) [rad] is not valid, in words, or None."""
@@ -126,11 +126,12 @@ class Scene:
         if self._hand_hits(rotation, translation):
             x, y, z = translation
             return f"the hand would touch what stands near ({x:.3f}, {y:.3f}, {z:.3f}) m"
-        touched = self._arm_hits()
-        if touched is not None:
-            x, y, z = touched
+        links = self.model.reaching.placed(self.model.data)
+        touching = self._touching(links)
+        if touching is not None:
+            x, y, z = touching[0][0]
             return f"the arm would touch what stands near ({x:.3f}, {y:.3f}, {z:.3f}) m"
-        what = self._load_hits(rotation, translation)
+        what = self._load_hits(rotation, translation, links)
         return None if what is None else f"what is held would touch {what}"
 
     def hand_is_clear(self, rotation: FloatArray, translation: FloatArray) -> bool:
@@ -157,50 +158,53 @@ class Scene:
         """
         scene = self.leaving(positions)
         self.model.tcp_arrays(positions)
+        links = self.model.reaching.placed(self.model.data)
         for spare in _FREED:
-            touching = scene._touching()
+            touching = scene._touching(links)
             if touching is None:
                 break
             centres, radii = touching
             scene = scene.with_grid(scene.grid.without_near(centres, radii + spare))
         return scene
 
-    def _arm_hits(self) -> FloatArray | None:
-        """Return where a link (3,) [m] is that touches a column, for the kinematics just computed, or None."""
-        touching = self._touching()
-        return None if touching is None else touching[0][0]
+    def _touching(self, centres: FloatArray) -> tuple[FloatArray, FloatArray] | None:
+        """Return the links' spheres that touch a column, or None where none does.
 
-    def _touching(self) -> tuple[FloatArray, FloatArray] | None:
-        """Return the links' spheres that touch a column, for the kinematics just computed, or None where none does.
-
-        Centres (N, 3) [m] and radii (N,) with the clearance [m].
+        centres: of all spheres that reach over the table (M, 3) [m]. Returned are those (N, 3) [m] of the ones that
+        touch, and their radii (N,) with the clearance [m].
         """
-        cover = self.model.reaching
-        if self.grid.is_below(cover.lowest(self.model.data) - self.config.arm_clearance):
+        radii = self.model.reaching.radii + self.config.arm_clearance
+        if self.grid.is_below(float((centres[:, 2] - radii).min())):
             return None
-        radii = cover.radii + self.config.arm_clearance
         floor = self.table_z + self.config.floor
         reach = self.grid.reach(radii, floor, self.config.unseen is UnseenRule.SHADOW)
-        centres = cover.placed(self.model.data)
         hit = reach.hits(centres, radii)
         return (centres[hit], radii[hit]) if hit.any() else None
 
-    def _load_hits(self, rotation: FloatArray, translation: FloatArray) -> str | None:
-        """Return what the held object touches of arm and camera, for the kinematics just computed, or None."""
+    def _load_hits(self, rotation: FloatArray, translation: FloatArray, links: FloatArray) -> str | None:
+        """Return what the held object touches of arm and camera, for the kinematics just computed, or None.
+
+        links: centres of the spheres that reach over the table (M, 3) [m].
+        """
         if not len(self.hand.load):
             return None
-        points = self.hand.load @ rotation.T + translation
+        ball, extent = self.hand.load_ball
+        middle = rotation @ ball + translation
         clearance = self.config.load_clearance
         for name, (centre, half) in self.model.fixed_boxes.items():
-            if name != "table" and bool((np.abs(points - centre) < half).all(axis=1).any()):
+            if name == "table" or not bool((np.abs(middle - centre) < half + extent).all()):
+                continue
+            points = self.hand.load @ rotation.T + translation
+            if bool((np.abs(points - centre) < half).all(axis=1).any()):
                 return f"the {name}"
-        middle = (points.min(axis=0) + points.max(axis=0)) / 2.0
-        extent = float(np.linalg.norm(points - middle, axis=1).max())
-        for cover in (self.model.standing, self.model.reaching):
-            centres, radii = cover.placed(self.model.data), cover.radii + clearance
-            near = np.linalg.norm(centres - middle, axis=1) < radii + extent
+        standing = self.model.standing.placed(self.model.data)
+        for cover, centres in ((self.model.standing, standing), (self.model.reaching, links)):
+            radii = cover.radii + clearance
+            away = centres - middle
+            near = np.einsum("ij,ij->i", away, away) < (radii + extent) ** 2
             near &= cover.joints < _LOAD_HANGS_FROM
             if near.any():
+                points = self.hand.load @ rotation.T + translation
                 distance = np.linalg.norm(points[:, None] - centres[near], axis=2)
                 if bool((distance < radii[near]).any()):
                     return "the arm"

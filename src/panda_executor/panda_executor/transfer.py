@@ -92,7 +92,7 @@ class TransferPlanner:
             grown = box.grown(config.own_margin)
             inside = ((local > np.array(grown.lower)) & (local < np.array(grown.upper))).all(axis=1)
             keep[high[inside]] = False
-        return points[keep]
+        return points.take(np.flatnonzero(keep), axis=0)
 
     def grid(self, cloud: npt.NDArray[np.float32], workspace: WorkspaceSpec, positions: FloatArray) -> ObstacleGrid:
         """Return the columns of the cloud, without those that hold the hand itself at `positions` (7,) [rad].
@@ -162,7 +162,7 @@ class TransferPlanner:
         """
         budget = self.budget(should_stop)
         around = self.surroundings(cloud, workspace, start)
-        cloud = relevant_points(around, workspace)
+        cloud = around[around[:, 2] <= workspace.z_max]
         grid = self._columns(around, workspace, start)
         on_phase(Phase.GRASP_PLANNING, 0.0)
         grasps = plan_grasps(cloud, action.pick, workspace, self.config.scene.table_z, self.config.grasp)
@@ -264,7 +264,7 @@ def points_over(cloud: npt.NDArray[np.float32], workspace: WorkspaceSpec) -> npt
     near = (cloud[:, 0] > workspace.x_min - border) & (cloud[:, 0] < workspace.x_max + border)
     near &= (cloud[:, 1] > workspace.y_min - border) & (cloud[:, 1] < workspace.y_max + border)
     near &= cloud[:, 2] > workspace.z_min - 0.02
-    return cloud[near]
+    return cloud.take(np.flatnonzero(near), axis=0)
 
 
 def relevant_points(cloud: npt.NDArray[np.float32], workspace: WorkspaceSpec) -> npt.NDArray[np.float32]:

@@ -158,8 +158,41 @@ def test_the_load_is_kept_from_the_post(
     scene = planner.scene(ObstacleGrid.empty(workspace), HandShape(planner.config.hand, 0.04, held))
     rotation = hand_down_pose(x, 0.0, 0.3, 0.0).rotation
     planner.model.in_collision(READY)
-    found = scene._load_hits(np.asarray(rotation), np.array([x, 0.0, 0.3]))
+    links = planner.model.reaching.placed(planner.model.data)
+    found = scene._load_hits(np.asarray(rotation), np.array([x, 0.0, 0.3]), links)
     assert found == what
+
+
+def test_no_point_of_a_load_that_touches_is_passed_over(planner: TransferPlanner, workspace: WorkspaceSpec) -> None:
+    """What is far from the load is left out before its points are compared: that must change no answer."""
+    random = np.random.default_rng(0)
+    held = HeldObject(random.uniform(-0.05, 0.12, (60, 2)), below=0.15, above=0.02)  # off the tcp's axis
+    hand = HandShape(planner.config.hand, 0.04, held)
+    scene = planner.scene(ObstacleGrid.empty(workspace), hand)
+    model, clearance = planner.model, planner.config.scene.load_clearance
+    ball, radius = hand.load_ball
+    assert (np.linalg.norm(hand.load - ball, axis=1) <= radius).all() and radius < 0.2
+    centre, _ = model.fixed_boxes["camera"]
+    found = []
+    for number in range(300):
+        rotation = pin.exp3(random.normal(size=3))
+        links = model.own_spheres(READY)[0][len(model.standing.radii) :]
+        near = (
+            centre + random.uniform(-0.3, 0.3, 3) if number % 2 else random.uniform([0.0, -0.2, 0.1], [0.5, 0.2, 0.6])
+        )
+        points = hand.load @ rotation.T + near
+        expected = any(
+            bool((np.abs(points - box) < size).all(axis=1).any())
+            for name, (box, size) in model.fixed_boxes.items()
+            if name != "table"
+        )
+        for cover, centres in ((model.standing, model.standing.placed(model.data)), (model.reaching, links)):
+            counted = cover.joints < 5
+            reach = cover.radii[counted] + clearance
+            expected |= bool((np.linalg.norm(points[:, None] - centres[counted], axis=2) < reach).any())
+        found.append(scene._load_hits(rotation, near, links) is not None)
+        assert found[-1] == expected
+    assert 30 < sum(found) < 270
 
 
 def test_the_load_is_kept_from_the_arm(planner: TransferPlanner, workspace: WorkspaceSpec) -> None:
