@@ -94,6 +94,12 @@ def test_why_nothing_was_learned_is_one_line(bench) -> None:
     lessons.on_line("done")
     lessons.on_end(0, {**REPORT, "table": [["too", "short"]]})
     assert lesson(bench)["words"] == "it ended with status 0: done"
+    bench.do("teach")
+    lessons.on_end(1, REPORT)
+    assert lesson(bench)["state"] == "failed", "what ended badly is not learned, whatever it left"
+    bench.do("teach")
+    lessons.on_line("done")
+    lessons.on_end(0, None)
     lessons.fault = "learning cannot be started: No such file or directory"
     assert lessons.fault in bench.refused("teach")
     assert lesson(bench)["words"] == "it ended with status 0: done"

@@ -214,3 +214,14 @@ def test_the_arm_itself_is_not_an_obstacle(planner: TransferPlanner, workspace: 
     beside = cube_points(Cube(0.45, 0.2, size=(0.05, 0.05, 0.5)))
     left = planner.surroundings(np.concatenate([skin, beside]).astype(np.float32), workspace, READY)
     assert len(left) == len(beside)
+
+
+@pytest.mark.parametrize("width", [None, 0.03])
+def test_the_hand_is_as_wide_to_either_side(planner: TransferPlanner, width: float | None) -> None:
+    hand = planner.config.hand
+    shape = HandShape(hand, width)
+    boxes = np.array([[box.lower, box.upper] for box in shape.boxes()])  # (boxes, 2, xyz)
+    assert (boxes[:, 0] < boxes[:, 1]).all(), "every box has a volume"
+    for extent in (shape.points, boxes.reshape(-1, 3)):
+        assert extent[:, :2].min(axis=0) == pytest.approx(-extent[:, :2].max(axis=0))
+    assert boxes[..., 1].max() == pytest.approx(hand.palm_half_length)
