@@ -174,7 +174,7 @@ class Scene:
         touch, and their radii (N,) with the clearance [m].
         """
         radii = self.model.reaching.radii + self.config.arm_clearance
-        if self.grid.is_below(float((centres[:, 2] - radii).min())):
+        if self.grid.is_below(float((centres[:, 2] - radii).min(initial=np.inf))):
             return None
         floor = self.table_z + self.config.floor
         reach = self.grid.reach(radii, floor, self.config.unseen is UnseenRule.SHADOW)
