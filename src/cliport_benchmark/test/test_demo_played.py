@@ -92,7 +92,7 @@ def test_a_demo_leaves_pictures_and_says_how_it_ended(graph: Graph, tmp_path: Pa
         "demo: looking",
         f"demo: pictures in {tmp_path}/: before.png, after.png, step*_pick.png, step*_place.png, demo.gif",
         "demo: the policy ended with: gave up",
-        f"demo: success task={TASK} seed=4 score=0.75 steps=3 wall_s=2.0",
+        f"demo: success task={TASK} seed=4 score=0.75 steps=3 wall_s=1.0",
     ]
     assert graph.resets == [(TASK, "test", 4)]
 
