@@ -36,6 +36,24 @@ def test_an_animation_keeps_a_frame_every_so_often(tmp_path: Path, monkeypatch: 
         assert gif.info["duration"] == 200 and gif.info["loop"] == 0
 
 
+def test_a_long_animation_has_fewer_frames_and_its_pace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = Clock()
+    monkeypatch.setattr(animation, "time", clock)
+    monkeypatch.setattr(animation, "_MOST", 4)
+    kept = animation.Animation()
+    for number in range(9):  # at 0, 0.4, ... 1.6 s, of which 0, 0.8 and 1.6 stay, then 2.4 and 3.2: 0, 1.6 and 3.2
+        kept.take(np.full((54, 96, 3), 25 * number, np.uint8))
+        clock.now += 0.401
+    kept.save(tmp_path / "demo.gif")
+    with Image.open(tmp_path / "demo.gif") as gif:
+        shown = []
+        for number in range(gif.n_frames):
+            gif.seek(number)
+            shown.append(round(float(np.asarray(gif.convert("L")).mean()) / 25))
+            assert gif.info["duration"] == 800, "1.6 s at twice the pace"
+    assert shown == [0, 4, 8]
+
+
 def test_an_animation_shows_the_colours_of_small_things_and_no_noise(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+from cliport_core.errors import CoreError
+from cliport_episodes.errors import EpisodesError
+
 
 class DemoToolError(Exception):
     """Root of everything that this package raises on purpose."""
@@ -31,3 +34,7 @@ class NotNowError(StationError):
 
 class BoxError(StationError):
     """A box without a target for pick or place: it has no depth, no object, or is outside the workspace."""
+
+
+EXPECTED_ERRORS = (StationError, EpisodesError, CoreError, OSError)
+"""What a command may end in, in words for a person; anything else is a defect."""

@@ -14,7 +14,7 @@ from demo_tool.arm_work import ArmWork
 from demo_tool.bulletin import Bulletin
 from demo_tool.camera_watch import CameraWatch
 from demo_tool.draft_desk import DraftDesk
-from demo_tool.errors import StationError, UnknownCommandError
+from demo_tool.errors import EXPECTED_ERRORS, StationError, UnknownCommandError
 from demo_tool.home_watch import HomeWatch
 from demo_tool.lesson_process import LessonProcess
 from demo_tool.library import Library
@@ -26,7 +26,6 @@ from demo_tool.ports import Arm, Lessons, Policy, Scenes
 from demo_tool.recording import Recorder
 from demo_tool.scene_change import SceneChange
 from demo_tool.station_config import StationConfig
-from demo_tool.step_keeper import EXPECTED_ERRORS
 from demo_tool.teach_now import TeachNow
 from demo_tool.wording import policy_words
 from demo_tool.work import Job, WorkThread
@@ -57,7 +56,6 @@ class Station:
         scenes: Scenes | None = None,
         lessons: Lessons | None = None,
     ) -> None:
-        self.config = config
         self._clock = clock
         self._bulletin = Bulletin()
         self._watch = CameraWatch(config)

@@ -5,16 +5,13 @@ from __future__ import annotations
 from contextlib import suppress
 from dataclasses import dataclass
 
-from cliport_core.errors import CoreError
 from cliport_core.outcome import ActionResult
 from cliport_episodes.errors import EpisodesError
 from demo_tool.draft_desk import DrawnAction
-from demo_tool.errors import NotNowError, StationError
+from demo_tool.errors import EXPECTED_ERRORS, NotNowError
 from demo_tool.recording import Recorder
 from demo_tool.station_config import StationConfig
 from demo_tool.steps import record_of
-
-EXPECTED_ERRORS = (StationError, EpisodesError, CoreError, OSError)
 
 
 @dataclass(frozen=True)

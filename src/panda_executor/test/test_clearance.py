@@ -195,6 +195,23 @@ def test_no_point_of_a_load_that_touches_is_passed_over(planner: TransferPlanner
     assert 30 < sum(found) < 270
 
 
+def test_what_is_not_valid_has_a_problem_and_the_other_way_round(
+    planner: TransferPlanner, workspace: WorkspaceSpec
+) -> None:
+    """`is_valid` reads the kinematics that the collision check left, `problem` computes them anew."""
+    random = np.random.default_rng(0)
+    held = HeldObject(random.uniform(-0.03, 0.03, (30, 2)), below=0.03, above=0.02)
+    cloud = np.concatenate([cube_points(Cube(x, y, size=(0.06, 0.06, 0.25))) for x, y in ((0.45, 0.2), (0.5, -0.2))])
+    grid = ObstacleGrid.from_cloud(cloud.astype(np.float32), workspace, FLOOR)
+    scene = planner.scene(grid, HandShape(planner.config.hand, 0.04, held))
+    found = []
+    for _ in range(400):
+        positions = READY + random.normal(scale=0.4, size=7)
+        found.append(scene.is_valid(positions))
+        assert found[-1] == (scene.problem(positions) is None)
+    assert 40 < sum(found) < 390
+
+
 def test_the_load_is_kept_from_the_arm(planner: TransferPlanner, workspace: WorkspaceSpec) -> None:
     cells = np.stack(np.meshgrid(np.arange(-0.3, 0.3, 0.01), [0.0]), -1).reshape(-1, 2)
     held = HeldObject(np.concatenate([cells, cells[:, ::-1]]), below=0.02, above=0.02)
@@ -221,6 +238,8 @@ def test_the_hand_is_as_wide_to_either_side(planner: TransferPlanner, width: flo
     hand = planner.config.hand
     shape = HandShape(hand, width)
     boxes = np.array([[box.lower, box.upper] for box in shape.boxes()])  # (boxes, 2, xyz)
+    surfaces = np.concatenate([box.grown(0.0).surface() for box in shape.boxes()])
+    np.testing.assert_array_equal(shape.points, np.unique(np.round(surfaces, 5), axis=0))
     assert (boxes[:, 0] < boxes[:, 1]).all(), "every box has a volume"
     for extent in (shape.points, boxes.reshape(-1, 3)):
         assert extent[:, :2].min(axis=0) == pytest.approx(-extent[:, :2].max(axis=0))

@@ -7,8 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from cliport_core.workspace import WorkspaceSpec
 from panda_executor import motions
 from panda_executor.errors import PlanningError, TrajectoryError
+from panda_executor.ik import hand_down_pose
+from panda_executor.obstacle_grid import ObstacleGrid
 from panda_executor.phase import Phase
 from panda_executor.scene import Scene
 from panda_executor.transfer import TransferPlanner
@@ -42,6 +45,18 @@ def test_a_rest_is_checked_too(planner: TransferPlanner, free_scene: Scene, monk
     motion = planner.motions.travel(Phase.RETREAT, READY, READY, free_scene)
     assert len(checked) == 1
     np.testing.assert_array_equal(checked[0], motion.trajectory.positions)
+
+
+def test_a_way_back_is_checked_with_the_other_hand(
+    planner: TransferPlanner, free_scene: Scene, workspace: WorkspaceSpec
+) -> None:
+    start = planner.ik.solve_all(hand_down_pose(0.5, 0.1, 0.2, 0.0), READY)[0].positions
+    motion = planner.motions.straight(Phase.DESCEND, start, hand_down_pose(0.5, 0.1, 0.02, 0.0), free_scene)
+    assert motion is not None
+    wall = np.stack(np.meshgrid([0.5], [0.1], np.linspace(0.05, 0.1, 20)), -1).reshape(-1, 3).astype(np.float32)
+    walled = free_scene.with_grid(ObstacleGrid.from_cloud(wall, workspace, 0.012))
+    with pytest.raises(TrajectoryError, match="would touch"):
+        planner.motions.reversed(Phase.RAISE, motion, walled)
 
 
 def test_stops_at_corners_keep_the_configured_period(

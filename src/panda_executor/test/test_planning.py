@@ -16,7 +16,7 @@ from cliport_core.workspace import WorkspaceSpec
 from panda_executor.budget import Budget
 from panda_executor.config import SearchAlgorithm, SearchConfig
 from panda_executor.drag import plan_drag
-from panda_executor.errors import GraspError, PlanningError, TrajectoryError
+from panda_executor.errors import GraspError, PlanningError
 from panda_executor.hand_geometry import HandShape
 from panda_executor.ik import hand_down_pose, yaw_of_hand
 from panda_executor.motions import Motion
@@ -129,18 +129,6 @@ def test_a_straight_motion_keeps_to_its_line(planner: TransferPlanner, free_scen
     back = planner.motions.reversed(Phase.RAISE, motion, free_scene).trajectory
     for a, b in zip(back.sample(motion.trajectory.duration - times)[:3], motion.trajectory.sample(times)[:3]):
         np.testing.assert_allclose(np.abs(a), np.abs(b), atol=1e-6)
-
-
-def test_a_way_back_is_checked_with_the_other_hand(
-    planner: TransferPlanner, free_scene: Scene, workspace: WorkspaceSpec
-) -> None:
-    start = above(planner, 0.5, 0.1, 0.2)
-    motion = planner.motions.straight(Phase.DESCEND, start, hand_down_pose(0.5, 0.1, 0.02, 0.0), free_scene)
-    assert motion is not None
-    wall = np.stack(np.meshgrid([0.5], [0.1], np.linspace(0.05, 0.1, 20)), -1).reshape(-1, 3).astype(np.float32)
-    walled = free_scene.with_grid(ObstacleGrid.from_cloud(wall, workspace, 0.012))
-    with pytest.raises(TrajectoryError, match="would touch"):
-        planner.motions.reversed(Phase.RAISE, motion, walled)
 
 
 @pytest.mark.parametrize("speed", [None, 0.1])

@@ -157,7 +157,7 @@ def make_sample(
 def _drawn_motion(
     demo: Demonstration, shape: tuple[int, int], config: TrainConfig, rng: np.random.Generator
 ) -> PlanarTransform:
-    """Draw how the scene is moved: with augment_probability, about less where its sentence names a direction."""
+    """Draw how a scene is moved, in augment_probability of the samples; turned less where its sentence names a way."""
     if rng.random() >= config.augment_probability:
         return identity_transform()
     keep = [demo.pick_pixel, demo.place_pixel] if demo.acts else []
