@@ -17,6 +17,7 @@ from rclpy.context import Context
 from rclpy.node import Node
 from ros_domain import next_domain
 
+from cliport_core import topics
 from cliport_core.ros_running import SpinThread
 from panda_driver.conformance import main as conformance
 from panda_driver.conformance.checks import CHECKS
@@ -97,6 +98,17 @@ def test_distances_from_a_motion() -> None:
     aside = plan.positions[10] + 0.05 * np.eye(7)[2]
     assert deviation(plan, [aside]) > 0.01
     assert spread([start, start + 0.2 * np.eye(7)[0], start]) == pytest.approx(0.2)
+
+
+def test_what_is_not_there_is_named() -> None:
+    context = Context()
+    rclpy.init(context=context, domain_id=next_domain())
+    node = Node("client", context=context)
+    client = ArmClient(node, ROBOT, BOUNDS)
+    assert client.missing(0.1, with_hand=True) == [ROBOT.arm_action, ROBOT.gripper_action, topics.JOINT_STATES]
+    assert client.missing(0.1, with_hand=False) == [ROBOT.arm_action, topics.JOINT_STATES]
+    node.destroy_node()
+    rclpy.try_shutdown(context=context)
 
 
 def test_what_was_found_is_written(tmp_path: Path) -> None:

@@ -90,6 +90,19 @@ def test_what_ended_before_and_what_has_not_ended(log: RunLog, tmp_path: Path, s
     assert said == ["arm unfinished after 1.00 s, 0 samples"]
 
 
+def test_times_are_kept_to_a_tenth_of_a_millisecond(log: RunLog, tmp_path: Path) -> None:
+    log.on_feedback("a", "arm", 10.00006, [0.0], [0.1234567], [])
+    log.on_feedback("a", "arm", 10.50002, [0.0], [0.0], [])
+    log.on_efforts([1.00006])
+    log.on_feedback("a", "arm", 11.0, [0.0], [0.0], [])
+    log.on_status("a", "arm", 12.0, SUCCEEDED)
+    (motion,) = lines(tmp_path / "motions.jsonl")[1:]
+    assert (motion["began"], motion["seconds"]) == (10.0001, 1.9999)
+    assert [sample[0] for sample in motion["samples"]] == [0.0, 0.5, 0.9999]
+    assert motion["samples"][0][2] == [0.123457] and motion["worst_error"] == 0.123457
+    assert motion["greatest_effort"] == [1.0001]
+
+
 def test_a_long_motion_is_bounded(log: RunLog, tmp_path: Path) -> None:
     for tick in range(6100):
         log.on_feedback("a", "arm", 0.01 * tick, [0.0], [0.0], [])

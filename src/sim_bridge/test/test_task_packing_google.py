@@ -2,19 +2,22 @@
 
 from collections import Counter
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from cliport_core import Pose
-from sim_bridge.errors import ObjectFolderError
+from sim_bridge.errors import LayoutError, ObjectFolderError
 from sim_bridge.everyday import FOLDER_VARIABLE, EverydayObject, object_set
-from sim_bridge.objects import SceneObject
+from sim_bridge.geometry.mesh import TriangleMesh
+from sim_bridge.objects import SceneObject, Shape
 from sim_bridge.objects.block import WIDEST_PINCH
 from sim_bridge.scene import reset_scene
 from sim_bridge.task_mechanics import dropping
 from sim_bridge.task_mechanics.goal import ZoneMetric
+from sim_bridge.task_mechanics.placing import free_outline_pose
 from sim_bridge.tasks.packing_google_objects import PackingGoogleObjects
 from sim_bridge.world import SimWorld
 
@@ -199,3 +202,28 @@ def test_a_thing_that_cannot_be_held_as_it_lies_is_left_out_and_the_next_are_not
     things = dropping.drop(world, [(source.named(name), 0.12) for name in names], np.random.default_rng(0))
     assert tuple(tried) == tuple(names)
     assert [thing.shape.name for thing in things] == list(names[1:])
+
+
+def test_the_largest_size_that_the_hand_can_hold_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+    thing, tried = object_set().named(object_set().seen[0]), []
+
+    def only_three_fifths(shape: Shape, *how: object) -> list[str]:
+        tried.append(float(np.ptp(shape.mesh.vertices, axis=0).max()))
+        return ["a pinch"] if len(tried) == 8 else []
+
+    monkeypatch.setattr(dropping, "pinches_lying", only_three_fifths)
+    held = dropping._holdable(thing, 0.12, Pose(np.eye(3), np.zeros(3)))
+    assert held is not None and held[1] == ["a pinch"]
+    np.testing.assert_allclose(np.array(tried) / tried[0], [1.0, 0.85, 0.72, 0.61] * 2, rtol=1e-6)
+
+
+def test_an_outline_without_room_is_named_with_its_size_and_the_table(world: SimWorld) -> None:
+    world.clear()
+    shape = object_set().named(object_set().seen[0]).sized(0.12)
+    flat = replace(shape, mesh=TriangleMesh.box((0.8, 1.8, 0.02)))
+    with pytest.raises(LayoutError) as raised:
+        free_outline_pose(world, flat, np.random.default_rng(0), 0.01)
+    assert str(raised.value) == (
+        f"no free place for another {shape.name} (800 mm x 1800 mm) beside 0 things on 0.50 m x 1.00 m; "
+        "use a larger workspace"
+    )

@@ -14,6 +14,8 @@ import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
 
+from sim_bridge.clutter import ClutterConfig
+from sim_bridge.everyday import google_names
 from sim_bridge.everyday.catalogue import SEEN, UNSEEN
 from sim_bridge.everyday.primitives import Parts
 from sim_bridge.geometry.mesh import TriangleMesh
@@ -57,6 +59,16 @@ def test_everyday_objects_are_as_they_were_made() -> None:
     assert list(kept) == list(OBJECTS)
     found = {name: measured(parts) for name, parts in OBJECTS.items()}
     assert {name: row for name, row in found.items() if row != pytest.approx(kept[name], rel=1e-5, abs=2e-3)} == {}
+
+
+def test_the_colors_of_google_objects_are_those_that_were_chosen() -> None:
+    """Their sums notice any that differs; scenes without textures are compared over versions."""
+    sums = [np.sum(list(names.values()), axis=0).tolist() for names in (google_names.SEEN, google_names.UNSEEN)]
+    assert sums == [[5450, 4282, 3620], [2838, 2680, 2344]]
+
+
+def test_two_to_five_things_are_strewn() -> None:
+    assert ClutterConfig() == ClutterConfig(2, 5, 0.08)
 
 
 def test_dataclasses_are_values() -> None:

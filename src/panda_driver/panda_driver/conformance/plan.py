@@ -27,11 +27,10 @@ class MotionPlan:
         """Time from the start to the last point [s]."""
         return float(self.times[-1])
 
-    def distance(self, positions: FloatArray) -> float:
-        """Return how far (7,) positions [rad] are from the path: the farthest joint's distance [rad]."""
+    def path(self) -> FloatArray:
+        """Return positions (N, 7) [rad] along the way, as a controller goes from point to point."""
         spline = TrajectorySpline([as_knot(*row) for row in zip(self.times, self.positions, self.velocities)])
-        path = np.array([spline.sample(time)[0] for time in np.linspace(0.0, self.duration, _GRID)])
-        return float(np.abs(path - positions).max(axis=1).min())
+        return np.array([spline.sample(time)[0] for time in np.linspace(0.0, self.duration, _GRID)])
 
 
 def small_motion(start: FloatArray, limits: JointLimits, amount: float, duration: float) -> MotionPlan:
@@ -55,7 +54,8 @@ def _inwards(start: FloatArray, limits: JointLimits) -> FloatArray:
 
 def deviation(plan: MotionPlan, measured: Sequence[FloatArray]) -> float:
     """Return the farthest that measured positions (7,) were from the path [rad]."""
-    return max((plan.distance(positions) for positions in measured), default=0.0)
+    path = plan.path()
+    return max((float(np.abs(path - positions).max(axis=1).min()) for positions in measured), default=0.0)
 
 
 def spread(measured: Sequence[FloatArray]) -> float:
