@@ -113,7 +113,10 @@ class Evaluator:
         self.agent: Agent = load_agent(config.checkpoint)
         _check_workspace(self.agent, config)
         self.world = SimWorld(config.setup.sim_config())
-        self.observer = Observer(self.world.config, n_threads=1, variation=config.variation, camera=config.setup.camera)
+        setup, variation = config.setup, config.variation
+        self.observer = Observer(
+            self.world.config, n_threads=1, variation=variation, camera=setup.camera, camera_kind=setup.camera_kind
+        )
         self._said_as_it_was = False  # a sentence of this episode that was to be reworded and could not be
         self.hand = ArmHand(self.world, self.observer, exact_offset=config.exact_offset)
 

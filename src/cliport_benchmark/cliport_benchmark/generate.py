@@ -103,7 +103,7 @@ class GenerateConfig:
             "randomize": self.variation.settings() or False,
             "height_unit": HEIGHT_UNIT,
             **self.setup.settings(),
-            "noise": asdict(NoiseConfig()),
+            "noise": asdict(NoiseConfig.of_kind(self.setup.camera_kind)),
         }
 
 
@@ -152,7 +152,10 @@ def _set_up() -> None:
 def make_part(config: GenerateConfig, folder: Path, index: int) -> PartReport:
     """Make one part in this process."""
     world = SimWorld(config.setup.sim_config())
-    observer = Observer(world.config, n_threads=1, variation=config.variation, camera=config.setup.camera)
+    setup, variation = config.setup, config.variation
+    observer = Observer(
+        world.config, n_threads=1, variation=variation, camera=setup.camera, camera_kind=setup.camera_kind
+    )
     arm = ArmHand(world, observer) if config.mode is Mode.PHYSICS else None
     rows: list[Row] = []
     discarded = 0

@@ -15,6 +15,7 @@ from cliport_perception.clouds import CloudBuilder, CloudRegion
 from sim_bridge.rendering.camera import CameraConfig, RgbdFrame, SimCamera
 from sim_bridge.rendering.image_window import ImageWindow
 from sim_bridge.rendering.mounting import load_camera
+from sim_bridge.rendering.sensor_noise import NoiseConfig, SensorKind
 from sim_bridge.world import SimConfig, SimWorld
 
 _BORDER = 12  # around the workspace's view, rendered too [pixels]
@@ -36,8 +37,9 @@ class Observer:
         variation: Variation | None = None,
         whole_image: bool = False,
         camera: CameraCalibration | None = None,
+        camera_kind: SensorKind = SensorKind.PLAIN,
     ) -> None:
-        """Make the camera: lens, image size and calibrated pose; the simulator's own by default."""
+        """Make the camera: lens, image size and calibrated pose, the simulator's own by default, and how it errs."""
         self.workspace = sim.workspace
         nominal = camera or load_camera()
         self._variation = variation or Variation()
@@ -48,7 +50,13 @@ class Observer:
                 nominal.intrinsics, nominal.camera_in_base, sim.workspace, border=border
             )
         self.camera = SimCamera(
-            CameraConfig(nominal.intrinsics, nominal.camera_in_base, window=window, n_threads=n_threads)
+            CameraConfig(
+                nominal.intrinsics,
+                nominal.camera_in_base,
+                noise=NoiseConfig.of_kind(camera_kind),
+                window=window,
+                n_threads=n_threads,
+            )
         )
         region = CloudRegion.around(sim.workspace)
         self._clouds = CloudBuilder(self.camera.intrinsics, self.camera.camera_in_base, region)

@@ -17,6 +17,7 @@ from cliport_perception.camera_file import CameraCalibration
 from cliport_perception.camera_health import HealthLimits
 from sim_bridge.errors import LayoutError, PhysicsError
 from sim_bridge.rendering.mounting import load_camera
+from sim_bridge.rendering.sensor_noise import SensorKind
 from sim_bridge.scene import reset_scene
 from sim_bridge.tasks import Task
 from sim_bridge.world import SimConfig, SimWorld
@@ -29,12 +30,15 @@ _LATTICE = 24  # points along each side of the workspace that the camera should 
 class OwnSetup:
     """The workspace that scenes are made for and the camera that sees them; the defaults are the simulator's own.
 
+    camera_kind: how that camera errs.
+
     Raises:
         OptionError: when the camera sees too little of the workspace.
     """
 
     workspace: WorkspaceSpec = field(default_factory=WorkspaceSpec)
     camera: CameraCalibration = field(default_factory=load_camera)
+    camera_kind: SensorKind = SensorKind.PLAIN
 
     def __post_init__(self) -> None:
         seen, least = self._seen_share(), HealthLimits().min_valid_fraction
@@ -45,18 +49,21 @@ class OwnSetup:
             )
 
     @classmethod
-    def load(cls, workspace: Path | None, camera: Path | None) -> OwnSetup:
-        """Read the files that are given.
+    def load(cls, workspace: Path | None, camera: Path | None, camera_kind: str = SensorKind.PLAIN.value) -> OwnSetup:
+        """Read the files that are given; camera_kind: a SensorKind's name.
 
         Raises:
-            OptionError: when the workspace's cannot be used, or the camera does not see it.
+            OptionError: when the workspace's cannot be used, the camera does not see it, or there is no such kind.
             MountingError: when the camera's cannot be used.
         """
+        kinds = [kind.value for kind in SensorKind]
+        if camera_kind not in kinds:
+            raise OptionError(f"--camera-kind {camera_kind} is unknown; choose from {', '.join(kinds)}")
         try:
             spec = WorkspaceSpec() if workspace is None else WorkspaceSpec.load(workspace)
         except CoreError as error:
             raise OptionError(f"--workspace: {error}") from None
-        return cls(spec, load_camera() if camera is None else load_camera(camera))
+        return cls(spec, load_camera() if camera is None else load_camera(camera), SensorKind(camera_kind))
 
     def sim_config(self) -> SimConfig:
         """Return the physics settings for scenes in this workspace."""
@@ -77,7 +84,8 @@ class OwnSetup:
         }
         if lens.is_distorted:
             camera |= {"distortion_model": lens.distortion_model, "distortion": list(lens.distortion)}
-        return {"workspace": self.workspace.to_dict(), "camera": camera}
+        settings = {"workspace": self.workspace.to_dict(), "camera": camera}
+        return settings if self.camera_kind is SensorKind.PLAIN else settings | {"camera_kind": self.camera_kind.value}
 
     def check_room(self, task: str, split: str, first_seed: int) -> None:
         """Refuse a workspace that is too small for a task, or in which its things would lie outside.
@@ -126,9 +134,13 @@ class OwnSetup:
 
 
 def add_setup_options(parser: argparse.ArgumentParser) -> None:
-    """Add --workspace and --camera."""
+    """Add --workspace, --camera and --camera-kind."""
     parser.add_argument("--workspace", type=Path, metavar="FILE", help="YAML of your workspace; the shipped one")
     parser.add_argument("--camera", type=Path, metavar="FILE", help="YAML of your camera; the simulator's own")
+    kinds = ", ".join(kind.value for kind in SensorKind)
+    parser.add_argument(
+        "--camera-kind", default=SensorKind.PLAIN.value, metavar="KIND", help=f"how its depth errs: {kinds}"
+    )
 
 
 def add_variation_options(parser: argparse.ArgumentParser) -> None:
@@ -151,7 +163,7 @@ def add_variation_options(parser: argparse.ArgumentParser) -> None:
 
 def setup_of(options: argparse.Namespace) -> OwnSetup:
     """Load the set-up that the options of add_setup_options name; errors as OwnSetup.load."""
-    return OwnSetup.load(options.workspace, options.camera)
+    return OwnSetup.load(options.workspace, options.camera, options.camera_kind)
 
 
 def variation_of(options: argparse.Namespace) -> Variation:
@@ -165,6 +177,7 @@ def set_up_words(values: dict[str, Any]) -> str:
     own = OwnSetup().settings()
     if any(name in values and values[name] != own[name] for name in own):
         words += ", own set-up"
+    words += f", {values['camera_kind'].replace('_', ' ')} camera" if values.get("camera_kind") else ""
     words += ", colours of the survey" if values.get("survey_colors") else ""
     if values.get("randomize"):
         words += f", randomized: {', '.join(values['randomize'])}"

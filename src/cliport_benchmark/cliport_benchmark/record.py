@@ -106,7 +106,11 @@ class ExpertRecorder:
         config.setup.check_room(config.task, config.split, config.first_seed)
         self._world = SimWorld(config.setup.sim_config())
         self._observer = Observer(
-            self._world.config, variation=config.variation, whole_image=True, camera=config.setup.camera
+            self._world.config,
+            variation=config.variation,
+            whole_image=True,
+            camera=config.setup.camera,
+            camera_kind=config.setup.camera_kind,
         )
         self._hand = ArmHand(self._world, self._observer)
         self._setup = self._capture_setup(self._world.config.workspace)

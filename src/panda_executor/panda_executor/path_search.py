@@ -88,7 +88,6 @@ class _Search:
         # A share of the space's extent; a joint moves at most as far as the whole configuration does.
         extent = float(np.linalg.norm(upper - lower))
         self._information.setStateValidityCheckingResolution(_RESOLUTION / extent)
-        self._information.setup()
 
     def _is_valid(self, state: base.State) -> bool:
         self._checks += 1

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 from synthetic_clouds import CAMERA
+from walls import scene_with_wall
 
 from cliport_core.workspace import WorkspaceSpec
 from panda_executor.config import AfterFailure, ExecutorConfig, SearchConfig
@@ -65,3 +66,9 @@ def table_cloud() -> npt.NDArray[np.float32]:
     from synthetic_clouds import Bowl, Cube, cloud_of
 
     return cloud_of([Cube(0.45, 0.1, 0.3)], [Bowl(0.5, -0.2)])
+
+
+@pytest.fixture
+def walled(planner: TransferPlanner) -> Scene:
+    """A wall along x across the workspace, 15 cm high."""
+    return scene_with_wall(planner, 0.3, 0.75, 0.15)

@@ -71,8 +71,12 @@ def test_the_markers_name_the_plan(planner: TransferPlanner, plan: PickPlacePlan
     assert first.action == first.DELETEALL
     assert len({(marker.ns, marker.id) for marker in markers}) == len(markers)
     assert {marker.header.frame_id for marker in markers} == {"panda_link0"}
-    assert [marker.text for marker in markers if marker.ns == "plan"] == ["plan 12ab34cd"]
+    [label] = [marker for marker in markers if marker.ns == "plan"]
     lines = [marker for marker in markers if marker.ns == "path"]
+    end = lines[0].points[-1]
+    at = label.pose.position
+    assert label.text == "plan 12ab34cd"
+    assert (at.x, at.y, at.z) == pytest.approx((end.x, end.y, end.z + 0.15)), "over the first motion's end"
     assert len(lines) == len(plan.motions) and all(len(line.points) >= 2 for line in lines)
     grasps = [marker for marker in markers if marker.ns == "grasp"]
     assert len(grasps) == 2

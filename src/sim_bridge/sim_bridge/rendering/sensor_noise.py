@@ -19,8 +19,9 @@ _NEIGHBOURS = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
 
 
 class SensorKind(Enum):
-    """Kinds of depth cameras; the plain one is unbiased and has grain only."""
+    """Kinds of depth cameras; the plain one is unbiased and has grain only, the perfect one not even that."""
 
+    PERFECT = "perfect"
     PLAIN = "plain"
     STRUCTURED_LIGHT = "structured_light"
     TIME_OF_FLIGHT = "time_of_flight"
@@ -60,6 +61,8 @@ class NoiseConfig:
     @classmethod
     def of_kind(cls, kind: SensorKind) -> NoiseConfig:
         """Return settings of the size that sensors of a kind have; no camera was measured for them."""
+        if kind is SensorKind.PERFECT:
+            return cls.none()
         if kind is SensorKind.STRUCTURED_LIGHT:
             return cls(
                 depth_sigma=0.0015,
