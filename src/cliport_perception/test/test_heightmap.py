@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -187,3 +189,20 @@ def test_what_depends_on_the_camera_alone_is_computed_once(box_scene, monkeypatc
     for scene in (box_scene, box_scene, box_scene._replace(depth=box_scene.depth + np.float32(0.001))):
         heightmap_from_rgbd(scene.color, scene.depth, scene.camera, scene.camera_in_base, workspace)
     assert len(calls) == 1
+
+
+def test_the_order_of_the_pixels_does_not_matter(box_scene) -> None:
+    """The same camera on its head has every pixel elsewhere in the image, and the last ones first."""
+    lens, pose = box_scene.camera, box_scene.camera_in_base
+    noise = np.random.default_rng(2).normal(0.0, 0.0015, box_scene.depth.shape).astype(np.float32)
+    depth = box_scene.depth + noise
+    upright = heightmap_from_rgbd(box_scene.color, depth, lens, pose, WORKSPACE)
+    turned = replace(lens, cx=lens.width - 1 - lens.cx, cy=lens.height - 1 - lens.cy)
+    on_its_head = Pose(pose.rotation @ np.diag([-1.0, -1.0, 1.0]), pose.translation)
+    other = heightmap_from_rgbd(
+        np.ascontiguousarray(box_scene.color[::-1, ::-1]), depth[::-1, ::-1].copy(), turned, on_its_head, WORKSPACE
+    )
+    assert (upright.valid != other.valid).mean() < 1e-3
+    both = upright.valid & other.valid
+    assert np.abs(upright.height - other.height)[both].max() < 0.02  # samples between pixels lie elsewhere
+    assert np.abs(upright.height - other.height)[both].mean() < 1e-4
