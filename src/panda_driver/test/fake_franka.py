@@ -68,6 +68,7 @@ class FakeHand:
         self.object_width, self.width, self.max_width = object_width, 0.08, 0.08
         self.ends, self.done, self.fails = True, True, ""
         self.told: list[tuple[str, float]] = []
+        self.forces: list[float] = []
         self.stops = 0
 
     def read(self) -> HandState:
@@ -77,6 +78,7 @@ class FakeHand:
         return self._go("move", width, width)
 
     def grasp(self, width: float, speed: float, force: float) -> FakeMotion:
+        self.forces.append(force)
         return self._go("grasp", width, max(width, self.object_width))
 
     def home(self) -> FakeMotion:

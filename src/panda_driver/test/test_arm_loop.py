@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from fake_franka import ARM, FakeArm
 
-from panda_driver.arm_loop import ArmLoop
+from panda_driver.arm_loop import HOLD_S, ArmLoop
 from panda_driver.errors import ConnectionFailedError
 from panda_driver.ports import ArmState
 from sim_bridge.control.arm_reflex import ArmControllerConfig
@@ -66,7 +66,9 @@ def test_control_is_taken_for_a_motion_and_given_back(bench: Bench) -> None:
     assert not bench.arm.in_control
     bench.finish(bench.loop.start(goal()))
     assert bench.arm.in_control
+    rests_at = bench.arm.time
     bench.turn(lambda: not bench.arm.in_control)
+    assert bench.arm.time - rests_at == pytest.approx(HOLD_S, abs=0.15) and HOLD_S == 0.3
     bench.arm.positions = bench.arm.positions + 0.3  # moved by hand
     with pytest.raises(GoalRejectedError, match=r"first point is 0\.\d+ rad from"):
         bench.loop.start(goal())

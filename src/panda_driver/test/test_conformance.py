@@ -16,6 +16,7 @@ from fake_arm_node import FakeArmNode, Fault
 from rclpy.context import Context
 from rclpy.node import Node
 from ros_domain import next_domain
+from scripted_arm import ScriptedArm
 
 from cliport_core import topics
 from cliport_core.ros_running import SpinThread
@@ -107,6 +108,7 @@ def test_what_is_not_there_is_named() -> None:
     client = ArmClient(node, ROBOT, BOUNDS)
     assert client.missing(0.1, with_hand=True) == [ROBOT.arm_action, ROBOT.gripper_action, topics.JOINT_STATES]
     assert client.missing(0.1, with_hand=False) == [ROBOT.arm_action, topics.JOINT_STATES]
+    assert client.wait(lambda: True, 0.0) and not client.wait(lambda: False, 0.05)
     node.destroy_node()
     rclpy.try_shutdown(context=context)
 
@@ -118,6 +120,29 @@ def test_what_was_found_is_written(tmp_path: Path) -> None:
     found = json.loads(path.read_text())
     assert (found["format"], found["arm"], found["passed"], found["bounds"]["path"]) == (1, "fr3", False, BOUNDS.path)
     assert found["checks"][1] == {"name": "cancels", "passed": False, "line": "no"}
+
+
+@pytest.mark.parametrize(
+    ("arm", "code", "said"),
+    [
+        (ScriptedArm(), 0, "1 of 1 checks passed\n"),
+        (ScriptedArm(old=1.0), 1, "0 of 1 checks passed: not joint_states\n"),
+    ],
+)
+def test_the_command_says_passed_or_not_and_writes_what_it_found(
+    arm: ScriptedArm, code: int, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    monkeypatch.setattr(conformance, "ArmClient", lambda node, robot, bounds: arm)
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(next_domain()))
+    assert conformance.main(["--only", "joint_states"]) == code
+    path = tmp_path / "found.json"
+    assert conformance.main(["--only", "joint_states", "--out", str(path)]) == code
+    assert capfd.readouterr().out.endswith(said)
+    found = json.loads(path.read_text())
+    assert [check["name"] for check in found["checks"]] == ["joint_states"] and found["passed"] == (code == 0)
+    assert conformance.main(["--only", "joint_states", "--out", str(tmp_path / "no" / "found.json")]) == 2
+    assert "cannot write" in capfd.readouterr().err
 
 
 def test_an_arm_that_is_not_there_is_named(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> None:

@@ -31,7 +31,14 @@ def test_closing_on_nothing_reaches_its_goal() -> None:
     port = FakeHand()
     status, result, _ = make(port).execute(CLOSE)
     assert (status, result.width, result.stalled, result.reached_goal) == (GoalStatus.SUCCEEDED, 0.0, False, True)
-    assert port.told == [("grasp", 0.0)]
+    assert (port.told, port.forces) == ([("grasp", 0.0)], [20.0])
+
+
+@pytest.mark.parametrize(("asked", "force"), [(0.0, 20.0), (35.0, 35.0)])
+def test_a_grasp_without_an_effort_has_the_usual_force(asked: float, force: float) -> None:
+    port = FakeHand(0.03)
+    make(port).execute(GripperGoal(0.0, asked))
+    assert port.forces == [force]
 
 
 def test_a_position_is_half_a_width_and_opening_is_a_move() -> None:

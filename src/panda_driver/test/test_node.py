@@ -88,6 +88,14 @@ def test_the_driver_conforms(bench: Bench) -> None:
     assert not bench.failures
 
 
+def test_a_goal_that_makes_no_sense_is_rejected_before_it_begins(bench: Bench) -> None:
+    plan = small_motion(ARM.ready, ARM.limits, 0.05, 1.0)
+    goals = [bench.client.follow(["somebody_elses", *ARM.arm_joints[1:]], plan), bench.client.grip(9.0, 20.0)]
+    assert bench.client.wait(lambda: all(goal.end is not None for goal in goals), WAIT)
+    assert [goal.end for goal in goals] == [End.REJECTED] * 2
+    assert (bench.arm.begun, bench.hand.told) == (0, [])
+
+
 def test_the_arms_own_time_is_the_graphs_where_that_is_asked_for() -> None:
     context = Context()
     rclpy.init(context=context, domain_id=next_domain())

@@ -206,6 +206,7 @@ def test_it_hears_the_arm_and_the_hand(graph: tuple[Node, Path]) -> None:
     closing.goal_id.uuid = np.full(16, 2, dtype=np.uint8)
     closing.feedback.position, closing.feedback.effort = 0.03, 20.0
     state = JointState(name=[*robot.finger_joints, *robot.arm_joints], effort=[0.0, 0.0, *range(7)])
+    began = time.time()
     deadline = time.monotonic() + 60.0
     while len(path.read_text().splitlines()) < 3 and time.monotonic() < deadline:
         joints.publish(state)
@@ -222,3 +223,5 @@ def test_it_hears_the_arm_and_the_hand(graph: tuple[Node, Path]) -> None:
     assert (found["arm"]["end"], found["arm"]["worst_error"]) == ("succeeded", 0.25)
     assert found["arm"]["goal"] == "01" * 16 and found["arm"]["samples"][-1][1] == [round(q, 6) for q in wanted]
     assert (found["hand"]["end"], found["hand"]["greatest_effort"]) == ("aborted", [20.0])
+    assert all(began <= motion["began"] + 1e-3 and motion["seconds"] >= 0.0 for motion in found.values())
+    assert json.loads(path.read_text().splitlines()[0])["began"] == pytest.approx(began, abs=60.0)
