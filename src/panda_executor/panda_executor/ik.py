@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
+from scipy.linalg.lapack import dposv
 
 from cliport_core.pose import Pose
 from panda_executor.errors import InverseKinematicsError
@@ -87,7 +88,8 @@ class HandDownIk:
                 break
             # (J J^T + lambda^2 I), lambda fading with the error so that the last steps converge quadratically
             weight = min(1.0, residual * 10.0) + 1e-4
-            step = jacobian.T @ np.linalg.solve(jacobian @ jacobian.T + weight * damping, error)
+            # positive definite: Cholesky, and without the checks that cost more than solving six equations
+            step = jacobian.T @ dposv(jacobian @ jacobian.T + weight * damping, error)[1]
             largest = float(np.abs(step).max())
             if largest > _MAX_STEP:
                 step *= _MAX_STEP / largest
@@ -126,6 +128,19 @@ class HandDownIk:
             x, y, z = (float(v) for v in target.translation)
             raise InverseKinematicsError(x, y, z, yaw_of_hand(target), best_residual)
         return sorted(found, key=lambda solution: solution.cost)
+
+    def near_cost(self, target: Pose, reference: FloatArray) -> float:
+        """Return the cost of the target: of what is found from `reference` (7,) [rad] on, else of the cheapest at all.
+
+        Infinite where nothing is found.
+        """
+        q, residual = self.refine(target, reference)
+        if residual <= _POSITION_TOLERANCE + _ANGLE_TOLERANCE:
+            return self.cost(q, reference)
+        try:
+            return self.solve_all(target, reference)[0].cost
+        except InverseKinematicsError:
+            return math.inf
 
     def cost(self, positions: FloatArray, reference: FloatArray) -> float:
         """Return the distance from the reference plus a penalty that grows towards the joint limits."""

@@ -15,7 +15,7 @@ from cliport_core.pose import Pose
 from cliport_core.workspace import WorkspaceSpec
 from panda_executor.budget import Budget
 from panda_executor.config import ExecutorConfig
-from panda_executor.errors import BudgetSpentError, ExecutorError, InverseKinematicsError, PlanningError
+from panda_executor.errors import BudgetSpentError, ExecutorError, PlanningError
 from panda_executor.grasp import Grasp, plan_grasps
 from panda_executor.hand_geometry import HandShape
 from panda_executor.ik import HandDownIk, hand_down_pose
@@ -248,13 +248,8 @@ class TransferPlanner:
     def _flips(self, grasp: Grasp, start: FloatArray) -> list[float]:
         """Return 0 and pi, the cheaper for the arm first: the gripper is the same when turned around."""
         x, y, _ = grasp.centroid
-        costs = {}
-        for flip in (0.0, math.pi):
-            pose = hand_down_pose(x, y, grasp.tcp_z, grasp.yaw + flip)
-            try:
-                costs[flip] = self.ik.solve_all(pose, start)[0].cost
-            except InverseKinematicsError:
-                costs[flip] = math.inf
+        poses = {flip: hand_down_pose(x, y, grasp.tcp_z, grasp.yaw + flip) for flip in (0.0, math.pi)}
+        costs = {flip: self.ik.near_cost(pose, start) for flip, pose in poses.items()}
         return sorted(costs, key=lambda flip: costs[flip])
 
 

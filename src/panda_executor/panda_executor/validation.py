@@ -12,7 +12,7 @@ from panda_model.limits import FloatArray, JointLimits
 MAX_JOINT_STEP = 0.02  # between two configurations that are checked [rad]
 MAX_TCP_STEP = 0.01  # [m]
 CONTROL_PERIOD = 0.001  # of the arm's controller, which interpolates between the points [s]
-_THINNED = 5  # control periods between two configurations whose distance is measured
+_THINNED = 10  # control periods between two configurations whose distance is measured
 _TOLERANCE = 1.02  # on velocity, acceleration and jerk: rounding of the interpolation
 
 

@@ -80,4 +80,5 @@ class JointLimits:
 
     def contains(self, positions: FloatArray, tolerance: float = 0.0) -> bool:
         """Return True if every row of (..., 7) positions [rad] lies within the position bounds."""
-        return bool(np.all(positions >= self.lower - tolerance) and np.all(positions <= self.upper + tolerance))
+        inside = (positions >= self.lower - tolerance) & (positions <= self.upper + tolerance)
+        return bool(inside.all())
