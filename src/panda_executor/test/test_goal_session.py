@@ -57,13 +57,14 @@ class Handle:
 class Session:
     """A session at a time that the test sets; `act` is what the runner does, given should_stop."""
 
-    def __init__(self, auto_approve: bool = True) -> None:
+    def __init__(self, auto_approve: bool = True, approval_time: float = 30.0) -> None:
         self.now, self.gate, self.clouds = 10.0, Gate(), CloudCache()
         self.act: Callable[[Callable[[], bool]], Outcome] = lambda should_stop: Outcome.SUCCEEDED
         parameters = NodeParameters(
             load_preset("panda"), "", ExecutorConfig(), WorkspaceSpec(),
             max_cloud_age=2.0, max_joint_age=0.5, cloud_behind=0.0, cloud_wait=0.0, max_ahead=0.25,
-            auto_approve=auto_approve, approval_time=30.0, require_owner=True, self_clearance=0.03, watch=ArmWatch(),
+            auto_approve=auto_approve, approval_time=approval_time, require_owner=True, self_clearance=0.03,
+            watch=ArmWatch(),
             owner_silence=0.3, work_silence=0.25,
         )  # fmt: skip
         camera = CameraPlace("panda_link0")
@@ -145,6 +146,15 @@ def test_a_plan_waits_for_its_approval_unless_nothing_is_to_move(plan_only: bool
     assert [ok for ok, _ in asked] == ([] if plan_only else [True])
 
 
+def test_a_plan_that_nobody_approves_is_not_carried_out() -> None:
+    session = Session(auto_approve=False, approval_time=0.05)
+    session.act = lambda _: pytest.fail("it moved")
+    session.see(10.0)
+    refused, handle = session.ask()
+    assert (refused.outcome, refused.refusal, handle.ended) == (Outcome.REJECTED, Refusal.NOT_APPROVED, ["aborted"])
+    assert "was not approved within 0.05 s" in refused.message
+
+
 def test_only_a_cloud_from_after_the_departure_is_looked_at(session: Session) -> None:
     looked: list[bool] = []
 
@@ -205,6 +215,7 @@ def test_a_stop_that_nobody_cancelled_ends_as_aborted(session: Session) -> None:
     session.see(10.0)
     result, handle = session.ask()
     assert (result.outcome, handle.ended) == (Outcome.CANCELLED, ["aborted"])
+    assert (result.message, result.refusal) == ("the runner's words", Refusal.NONE), "its owner lives"
 
 
 def test_a_cancel_ends_as_cancelled(session: Session) -> None:

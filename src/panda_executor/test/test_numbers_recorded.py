@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import asdict
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -48,7 +47,7 @@ TABLE = Path(__file__).with_name("numbers.json")
 PANDA = load_preset()
 WORKSPACE = WorkspaceSpec()
 PICK, PLACE = (0.45, 0.15), (0.5, -0.2)
-ROWS = {"grasp": 25, "plan": 5, "drag": 2, "ik": 8, "verdict": 2, "settings": 1}
+ROWS = {"grasp": 25, "plan": 5, "drag": 2, "ik": 8, "verdict": 2}
 NAMES = [f"{kind} {seed}" for kind, count in ROWS.items() for seed in range(count)]
 
 
@@ -128,7 +127,7 @@ def _departure(motion: Motion) -> list[float]:
 def measured(name: str) -> Any:
     """Return the words and numbers [mm, degrees, tenths of a second] of one row."""
     kind, number = name.split()
-    row = {"grasp": _grasps, "plan": _plan, "drag": _drag, "ik": _ik, "verdict": _verdict, "settings": _settings}[kind]
+    row = {"grasp": _grasps, "plan": _plan, "drag": _drag, "ik": _ik, "verdict": _verdict}[kind]
     return row(int(number))
 
 
@@ -181,11 +180,6 @@ def _verdict(seed: int) -> Any:
         said[words] = said.get(words, 0) + 1
     columns = [float((grid.heights > 0).sum()), 1000.0 * float(grid.heights.clip(0.0).mean())]
     return [said, columns]
-
-
-def _settings(_: int) -> Any:
-    """Return everything that can be set, to the digit, where nobody sets it."""
-    return {name: json.dumps(value, default=str) for name, value in asdict(ExecutorConfig()).items()}
 
 
 def _close(found: Any, kept: Any) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -37,6 +38,13 @@ def test_where_nothing_was_seen_it_is_the_table(grasp: Grasp, workspace: Workspa
     nothing = np.full((9, 3), np.nan, np.float32)
     placement = plan_placement(nothing, PlanarPose(0.5, 0.0, 0.0), 0.0, grasp, workspace, table_z=-0.01)
     assert placement.support_z == -0.01
+
+
+def test_a_thing_larger_than_what_is_looked_at_is_still_put_down(grasp: Grasp, workspace: WorkspaceSpec) -> None:
+    steps = np.arange(-0.2, 0.2, grasp.cell)
+    plate = replace(grasp, footprint=np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2))
+    placement = plan_placement(cloud_of([]), PlanarPose(0.5, -0.2, 0.0), 0.0, plate, workspace)
+    assert placement.support_z == pytest.approx(0.0, abs=1e-6)
 
 
 def test_on_top_of_another_cube(grasp: Grasp, workspace: WorkspaceSpec) -> None:
