@@ -76,9 +76,10 @@ class CloudBuilder:
         bgra = cv2.cvtColor(np.ascontiguousarray(color), cv2.COLOR_RGB2BGRA).view("<i4")[..., 0] & 0x00FFFFFF
         x, y, z = (plane.view("<i4") for plane in planes)
         pixels = cv2.merge([x, y, z, bgra])  # (H, W, 4)
-        kept = pixels.view(_POINT)[inside]  # one item a point: picked as a whole, which is faster than number by number
+        # One item a point, picked as a whole and by number: much faster than number by number, or by a mask.
+        kept = pixels.view(_POINT).ravel().take(np.flatnonzero(inside))
         buffer = array("B")
-        buffer.frombytes(kept[:, 0].view(np.uint8).data)
+        buffer.frombytes(kept.view(np.uint8).data)
         return buffer
 
     @property

@@ -49,6 +49,8 @@ class HeightmapBuilder:
         self._roi = _region_of_interest(rays, camera_in_base, workspace)
         roi_rays = np.ascontiguousarray(np.moveaxis(rays[self._roi], -1, 0))  # (3, h, w)
         self._splits = _splits_per_pixel(roi_rays, camera_in_base, workspace)
+        numbers = np.arange(camera.height * camera.width, dtype=np.int64).reshape(camera.height, camera.width)
+        self._pixels = np.ascontiguousarray(numbers[self._roi]).ravel()  # of the region, by number in the whole image
         # grid coordinates are (cell column, cell row, height step): one multiply and one add per pixel
         scale = np.array([workspace.pixel_size, workspace.pixel_size, _HEIGHT_STEP])
         origin = np.array([workspace.x_min, workspace.y_min, workspace.z_min])
@@ -65,7 +67,7 @@ class HeightmapBuilder:
         self._check_sizes(color, depth_m)
         rows, cols = self.workspace.shape
         keys: npt.NDArray[np.int64] = np.full(rows * cols, -1, dtype=np.int64)
-        depth = np.asarray(depth_m[self._roi], dtype=np.float32)
+        depth = np.ascontiguousarray(depth_m[self._roi], dtype=np.float32)
         if depth.size:
             # What is not known is NaN or infinite, or lies at or behind the camera: all outside the workspace.
             with np.errstate(invalid="ignore"):
@@ -73,11 +75,11 @@ class HeightmapBuilder:
         seen = keys >= 0
         height: FloatImage = np.zeros(rows * cols, dtype=np.float32)
         flat_color: npt.NDArray[np.uint8] = np.zeros((rows * cols, 3), dtype=np.uint8)
-        won = keys[seen]
-        height[seen] = (won >> _INDEX_BITS) * _HEIGHT_STEP + self.workspace.z_min
-        index = won & ((1 << _INDEX_BITS) - 1)
-        width = max(1, depth.shape[1])
-        flat_color[seen] = color[self._roi][index // width, index % width]
+        cells = np.flatnonzero(seen)
+        won = keys.take(cells)
+        height[cells] = (won >> _INDEX_BITS) * _HEIGHT_STEP + self.workspace.z_min
+        pixels = self._pixels.take(won & ((1 << _INDEX_BITS) - 1))
+        flat_color[cells] = color.reshape(-1, 3).take(pixels, axis=0)
         return Heightmap(
             flat_color.reshape(rows, cols, 3),
             height.reshape(rows, cols),
@@ -89,27 +91,22 @@ class HeightmapBuilder:
     def _splat(self, depth: FloatImage, keys: npt.NDArray[np.int64]) -> None:
         """Raise keys (rows * cols,) to `height << 32 | pixel` of the highest sample in each cell."""
         grid = depth * self._slope + self._offset[:, None, None]  # (3, h, w)
-        down, right, patch = (_same_surface(depth, step, self.max_depth_step) for step in _STEPS)
+        down, right, patch = _same_surfaces(depth, self.max_depth_step)
         n_down, n_right = self._splits
-        width = depth.shape[1]
         for j in range(n_right):
             b = j / n_right
-            beside = _blend(grid[:, :, :-1], grid[:, :, 1:], b) if j else grid
+            beside = _blend(grid, b, axis=2) if j else grid
             for i in range(n_down):
                 a = i / n_down
-                samples = _blend(beside[:, :-1], beside[:, 1:], a) if i else beside
+                samples = _blend(beside, a, axis=1) if i else beside
                 joined = (None if j == 0 else right) if i == 0 else down if j == 0 else patch
-                nearest = int(a >= 0.5), int(b >= 0.5)
-                self._raise_cells(samples, joined, nearest, width, keys)
+                nearest = int(a >= 0.5) * depth.shape[1] + int(b >= 0.5)
+                self._raise_cells(samples, joined, nearest, keys)
 
     def _raise_cells(
-        self,
-        samples: FloatImage,
-        joined: npt.NDArray[np.bool_] | None,
-        nearest: tuple[int, int],
-        width: int,
-        keys: npt.NDArray[np.int64],
+        self, samples: FloatImage, joined: npt.NDArray[np.bool_] | None, nearest: int, keys: npt.NDArray[np.int64]
     ) -> None:
+        """Raise keys to those of samples (3, h, w); nearest: how much higher the number of their colour's pixel is."""
         rows, cols = self.workspace.shape
         column, row, height = samples
         with np.errstate(invalid="ignore"):
@@ -119,10 +116,7 @@ class HeightmapBuilder:
             inside &= joined
         index = np.flatnonzero(inside)  # picked by number: a mask would be read anew for every plane
         cell = row.ravel().take(index).astype(np.int32) * cols + column.ravel().take(index).astype(np.int32)
-        pixel = index + (nearest[0] * width + nearest[1])
-        if column.shape[1] != width:
-            pixel += index // column.shape[1]  # its rows are one pixel shorter
-        key = ((height.ravel().take(index) + 0.5).astype(np.int64) << _INDEX_BITS) | pixel
+        key = ((height.ravel().take(index) + 0.5).astype(np.int64) << _INDEX_BITS) | (index + nearest)
         np.maximum.at(keys, cell, key)
 
     def _check_sizes(self, color: npt.NDArray[np.uint8], depth_m: FloatImage) -> None:
@@ -163,28 +157,34 @@ def heightmap_from_rgbd(
     return builder.build(color, depth_m, stamp_ns)
 
 
-_STEPS = ((1, 0), (0, 1), (1, 1))  # to the lower neighbour, to the right one, over the patch of four
+def _same_surfaces(depth: FloatImage, max_step: float) -> tuple[npt.NDArray[np.bool_], ...]:
+    """Return masks (h, w) of pixels on one surface with the lower neighbour, with the right one, and with all three.
+
+    Depth is known there and steps by `max_step` [m] at most. False in the last row or column, for want of a neighbour.
+    """
+    down, right, patch = (np.zeros(depth.shape, dtype=bool) for _ in range(3))
+    np.less_equal(np.abs(depth[:-1] - depth[1:]), max_step, out=down[:-1])  # False where NaN
+    np.less_equal(np.abs(depth[:, :-1] - depth[:, 1:]), max_step, out=right[:, :-1])
+    top, bottom, left, beside = right[:-1, :-1], right[1:, :-1], down[:-1, :-1], down[:-1, 1:]
+    patch[:-1, :-1] = top & bottom & left & beside
+    return down, right, patch
 
 
-def _same_surface(depth: FloatImage, step: tuple[int, int], max_step: float) -> npt.NDArray[np.bool_]:
-    """Return a mask of the pixels whose depth (h, w) is known and smooth up to the neighbours `step` away."""
-    if step == (1, 1):
-        top = _same_surface(depth, (0, 1), max_step)
-        left = _same_surface(depth, (1, 0), max_step)
-        result: npt.NDArray[np.bool_] = top[:-1] & top[1:] & left[:, :-1] & left[:, 1:]
-        return result
-    first, second = (depth[:-1], depth[1:]) if step == (1, 0) else (depth[:, :-1], depth[:, 1:])
-    smooth: npt.NDArray[np.bool_] = np.abs(first - second) <= max_step  # False where NaN
-    return smooth
-
-
-def _blend(first: FloatImage, second: FloatImage, share: float) -> FloatImage:
+def _blend(planes: FloatImage, share: float, axis: int) -> FloatImage:
+    """Return planes (3, h, w) that lie `share` of the way to the next pixel along `axis`; NaN at its end."""
+    blended: FloatImage = np.empty_like(planes)
+    if axis == 1:
+        first, second, inner, end = planes[:, :-1], planes[:, 1:], blended[:, :-1], blended[:, -1]
+    else:
+        first, second, inner, end = planes[:, :, :-1], planes[:, :, 1:], blended[:, :, :-1], blended[:, :, -1]
+    end[...] = np.nan
     if share == 0.5:
-        middle: FloatImage = first + second  # halves are exact: the same numbers in fewer steps
-        middle *= np.float32(0.5)
-        return middle
-    result: FloatImage = first * np.float32(1.0 - share) + second * np.float32(share)
-    return result
+        np.add(first, second, out=inner)  # halves are exact: the same numbers in fewer steps
+        inner *= np.float32(0.5)
+    else:
+        np.multiply(first, np.float32(1.0 - share), out=inner)
+        inner += second * np.float32(share)
+    return blended
 
 
 def _region_of_interest(
