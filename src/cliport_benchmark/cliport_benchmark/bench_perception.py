@@ -9,7 +9,8 @@ import numpy.typing as npt
 
 from cliport_core import Pose, WorkspaceSpec
 from cliport_perception import CameraModel
-from cliport_perception.clouds import CloudBuilder, CloudRegion
+from cliport_perception.camera_health import CameraHealth, HealthLimits
+from cliport_perception.frame_processor import FrameProcessor
 from cliport_perception.heightmap_builder import HeightmapBuilder
 from sim_bridge.rendering.camera import RgbdFrame
 
@@ -18,15 +19,10 @@ def frame_calls(frame: RgbdFrame, builder: HeightmapBuilder) -> list[tuple[str, 
     """Return what is timed of one frame: names, calls, and how often."""
     color, depth = frame.color, frame.depth
     camera, pose, workspace = builder.camera, builder.camera_in_base, builder.workspace
-    clouds = CloudBuilder(camera, pose, CloudRegion.around(workspace))
-
-    def cloud_and_heightmap() -> None:
-        clouds.build(color, depth)
-        builder.build(color, depth)
-
+    both = FrameProcessor(workspace, CameraHealth({}, HealthLimits()), heightmap_hz=0.0, points_hz=0.0)
     return [
         ("heightmap_960x540", lambda: builder.build(color, depth), 50),
-        ("cloud_and_heightmap_960x540", cloud_and_heightmap, 50),
+        ("cloud_and_heightmap_960x540", lambda: both.process(color, depth, camera, pose, 0), 50),
         ("plain_numpy_heightmap_960x540", lambda: sort_and_scatter(color, depth, camera, pose, workspace), 30),
     ]
 
