@@ -100,6 +100,12 @@ def test_no_load_is_set_where_there_is_none_and_a_simulator_needs_no_real_time(f
     assert franky.calls == [("Robot", "h", ("realtime_config", "ignore")), ("set_collision_behavior", 40.0, 40.0)]
 
 
+def test_an_arm_that_never_moved_is_closed(franky: StandIn) -> None:
+    arm = FrankyArm("h", ArmSettings())
+    arm.close()
+    assert franky.calls[-1] == ("join_motion", 2.0) and "move" not in [call[0] for call in franky.calls]
+
+
 @pytest.mark.parametrize("call", ["Robot", "set_collision_behavior", "set_load"])
 def test_an_arm_that_cannot_be_connected(franky: StandIn, call: str) -> None:
     franky.broken[call] = RuntimeError("no route")
