@@ -78,3 +78,26 @@ def test_what_was_stopped_is_no_grasp(status: MotionStatus) -> None:
 def test_a_gripper_that_says_stalled_is_believed_and_only_then() -> None:
     assert close(MotionStatus.ABORTED, True, repeat(OBJECT), math.inf).status is MotionStatus.SUCCEEDED
     assert close(MotionStatus.ABORTED, False, repeat(OBJECT), math.inf).status is MotionStatus.ABORTED
+
+
+def test_a_grasp_that_is_stopped_while_it_is_judged_is_none() -> None:
+    result = GripperCommand.Result(position=OBJECT, stalled=False)
+    caller: Any = SimpleNamespace(call=lambda *_: ActionEnd(MotionStatus.ABORTED, result))
+    fingers: Any = Fingers(repeat(OBJECT))
+    looks = count()
+    gripper = ActionGripper(caller, fingers, lambda: 0, held_from=MISSED)  # a clock that stands
+    ended = gripper.move(0.0, 20.0, lambda: next(looks) > 3)
+    assert (ended.status, ended.stalled) == (MotionStatus.ABORTED, False)
+
+
+def test_a_move_ends_when_its_joint_states_have_come() -> None:
+    looked: list[float | None] = []
+    late: list[float | None] = [0.08, None, 0.05, OBJECT, OBJECT]
+
+    def told() -> Iterator[float | None]:
+        for width in late:
+            looked.append(width)
+            yield width
+
+    assert close(MotionStatus.SUCCEEDED, True, told()).status is MotionStatus.SUCCEEDED
+    assert looked == late[:4], "grasps are judged by them"

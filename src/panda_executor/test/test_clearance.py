@@ -6,6 +6,7 @@ import coal
 import numpy as np
 import pinocchio as pin
 import pytest
+from scipy.spatial import ConvexHull
 from synthetic_clouds import CAMERA, Cube, cube_points, seen_cloud
 
 from cliport_core.action import PickPlaceAction
@@ -90,10 +91,12 @@ def test_spheres_hold_the_links(model: PandaModel) -> None:
                 continue
             at = model.data.oMi[item.parentJoint] * item.placement
             corners = np.asarray(item.geometry.points())
-            weights = random.dirichlet(np.ones(3), 200)
-            points = np.einsum("ni,nij->nj", weights, corners[random.integers(0, len(corners), (200, 3))])
-            extreme = np.concatenate([corners, points[:0]]) @ at.rotation.T + at.translation
-            outside = np.linalg.norm(extreme[:, None] - centres, axis=2) - radii
+            faces = corners[ConvexHull(corners).simplices]  # (M, 3, 3)
+            points = np.einsum(
+                "ni,nij->nj", random.dirichlet(np.ones(3), 400), faces[random.integers(len(faces), size=400)]
+            )
+            surface = np.concatenate([corners, points]) @ at.rotation.T + at.translation
+            outside = np.linalg.norm(surface[:, None] - centres, axis=2) - radii
             assert outside.min(axis=1).max() <= 1e-9, name
 
 
@@ -121,6 +124,13 @@ def test_unseen_space_behind_a_column_counts_as_filled_up_to_the_line_of_sight()
     assert shadow[-1] > 0.18 and (np.diff(shadow[shadow > 0]) > 0).all()
     assert (filled[seen] == heights[seen]).all(), "what was seen stays as it was seen"
     assert shadow[10] == pytest.approx(0.2 - 0.1 * (0.8 - 0.2) / (1.0 - 0.405), abs=0.015)
+
+
+def test_a_column_that_is_higher_than_the_camera_has_no_shadow() -> None:
+    heights, seen = np.full((3, 60), -1.0), np.zeros((3, 60), dtype=bool)
+    heights[1, 40] = 0.85
+    filled = with_shadows(heights, seen, 0.0, 0.0, 0.01, np.array([1.0, 0.015, 0.8]), FLOOR)
+    np.testing.assert_array_equal(filled, heights)
 
 
 @pytest.mark.parametrize("turned", [False, True])

@@ -7,9 +7,12 @@ import math
 import numpy as np
 import pytest
 
-from panda_executor.errors import InverseKinematicsError
+from cliport_core.action import PickPlaceAction
+from cliport_core.pose import PlanarPose, Pose
+from panda_executor.errors import InverseKinematicsError, RequestError
 from panda_executor.ik import hand_down_pose, tilted, yaw_of_hand
 from panda_executor.model import PandaModel
+from panda_executor.request_check import check_reach
 from panda_executor.transfer import TransferPlanner
 from panda_model import load_preset
 
@@ -85,3 +88,17 @@ def test_leaning_keeps_the_tcp_and_moves_the_hand_inwards() -> None:
     np.testing.assert_array_equal(leaning.translation, pose.translation)
     assert leaning.rotation[2, 2] == pytest.approx(-math.cos(0.3))
     np.testing.assert_allclose(tilted(leaning, -0.3).rotation, pose.rotation, atol=1e-12)
+
+
+def test_a_pose_may_be_reached_either_way_round(model: PandaModel) -> None:
+    asked: list[float] = []
+
+    class NoWay:
+        def solve_all(self, pose: Pose, reference: np.ndarray) -> list[object]:
+            asked.append(yaw_of_hand(pose))
+            raise InverseKinematicsError(0.0, 0.0, 0.0, 0.0, 1.0)
+
+    here = PlanarPose(0.45, 0.1, 0.7)
+    with pytest.raises(RequestError, match=r"the pick \(0\.450, 0\.100\) m is out of reach"):
+        check_reach(PickPlaceAction(here, here), NoWay(), model.arm.ready, 0.0)  # type: ignore[arg-type]
+    assert asked == pytest.approx([0.7, 0.7 - math.pi])

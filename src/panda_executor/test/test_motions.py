@@ -72,3 +72,16 @@ def test_stops_at_corners_keep_the_configured_period(
     monkeypatch.setattr(motions, "time_path", note)
     planner.motions._stopping(Phase.CARRY, np.stack([READY, READY + 0.1, READY]), free_scene)
     assert periods == [planner.config.timing.period] * 2
+
+
+def test_a_corner_is_cut_by_a_quarter_and_by_fifteen_hundredths_at_most() -> None:
+    three_quarters = 0.4 * (1.0 - 0.75**3)  # a quarter of what is left of the leg, three times
+    for leg, cut in ((0.4, three_quarters), (2.0, 3 * 0.15)):
+        corner = np.zeros((3, 7))
+        corner[0, 0], corner[2, 1] = -leg, leg
+        points = motions._rounded(corner)
+        np.testing.assert_array_equal(points[[0, -1]], corner[[0, -1]])
+        nearest = np.linalg.norm(points, axis=1).min()
+        assert nearest < cut and np.linalg.norm(np.diff(points, axis=0), axis=1).max() <= 0.15 + 1e-9
+        straight = points[(points[:, 1] == 0.0)][:, 0]
+        assert straight.max() == pytest.approx(-cut), "up to there the way is the leg itself"

@@ -24,7 +24,7 @@ from panda_executor.path_search import find_path, line_is_free
 from panda_executor.phase import Phase
 from panda_executor.scene import Scene
 from panda_executor.transfer import TransferPlanner
-from panda_executor.transfer_attempts import PickPlacePlan
+from panda_executor.transfer_attempts import PickPlacePlan, TransferAttempts, _Target
 from panda_model import load_preset
 
 READY_POSITIONS = load_preset().ready
@@ -52,6 +52,18 @@ def test_a_wall_is_gone_round(planner: TransferPlanner, walled: Scene) -> None:
     np.testing.assert_allclose(motion.trajectory.start, start)
     np.testing.assert_allclose(motion.trajectory.end, goal)
     check_densely(motion)
+
+
+def test_the_hand_leans_only_where_it_cannot_go_down_upright(
+    planner: TransferPlanner, workspace: WorkspaceSpec, free_scene: Scene
+) -> None:
+    action = PickPlaceAction(PlanarPose(0.5, 0.1, 0.0), PlanarPose(0.5, -0.1, 0.0))
+    attempts = TransferAttempts(planner.motions, action, workspace, free_scene.grid, READY_POSITIONS)
+    target = _Target(0.5, 0.1, 0.02, 0.2, 0.0)
+    found = list(attempts._approaches(Phase.DESCEND, target, free_scene, READY_POSITIONS))
+    assert len(found) > 1
+    for approach in found:
+        assert planner.model.tcp_pose(approach.above).rotation[2, 2] == pytest.approx(-1.0, abs=1e-6)
 
 
 def test_a_straight_motion_of_a_millimetre_has_a_point_between_its_ends(planner: TransferPlanner) -> None:

@@ -32,6 +32,15 @@ def test_the_height_is_measured(workspace: WorkspaceSpec, height: float) -> None
     assert abs(plane.slope_x) < 0.003 and abs(plane.slope_y) < 0.003
 
 
+def test_the_height_of_a_tilted_table_is_that_in_the_workspaces_middle(workspace: WorkspaceSpec) -> None:
+    cloud = seen_cloud(*THINGS, noise=0.0015)
+    cloud[:, 2] += 0.01 * (cloud[:, 0] - 0.45) + 0.005 * cloud[:, 1]
+    plane = measure_table(cloud, workspace, 0.0)
+    assert plane is not None
+    assert (plane.height, plane.slope_x, plane.slope_y) == pytest.approx((0.0, 0.01, 0.005), abs=1.5e-3)
+    assert plane.height_at(0.65, 0.4) == pytest.approx(0.004, abs=1e-3)
+
+
 @pytest.mark.parametrize("height", [-0.02, -0.004, 0.004, 0.012, 0.02])
 def test_a_table_at_another_height_is_refused(workspace: WorkspaceSpec, height: float) -> None:
     """At 4 to 20 mm a sweep's fingertips would have been 1 to 17 mm inside it."""
