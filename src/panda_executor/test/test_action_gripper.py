@@ -101,3 +101,11 @@ def test_a_move_ends_when_its_joint_states_have_come() -> None:
 
     assert close(MotionStatus.SUCCEEDED, True, told()).status is MotionStatus.SUCCEEDED
     assert looked == late[:4], "grasps are judged by them"
+
+
+@pytest.mark.parametrize(("full", "width"), [(True, OBJECT), (False, 2.0 * OBJECT)])
+def test_a_gripper_that_reports_half_of_the_width_is_understood(full: bool, width: float) -> None:
+    result = GripperCommand.Result(position=OBJECT, stalled=True)
+    caller: Any = SimpleNamespace(call=lambda *_: ActionEnd(MotionStatus.SUCCEEDED, result))
+    gripper = ActionGripper(caller, Fingers(repeat(width)), lambda: 0, reports_full_width=full)  # type: ignore[arg-type]
+    assert gripper.move(0.0, 20.0, lambda: False).width == pytest.approx(width)

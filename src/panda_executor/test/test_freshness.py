@@ -278,5 +278,8 @@ def test_the_worst_is_reported(changes: dict[str, object], level: int, message: 
     }  # fmt: skip
     report = assess(**(state | changes))  # type: ignore[arg-type]
     assert (report.level, report.message) == (level, message)
+    assert report.values["arm action server"] == ("missing" if "arm_ready" in changes else "ready")
+    assert report.values["gripper action server"] == ("missing" if "gripper_ready" in changes else "ready")
+    assert report.values["busy"] == ("true" if "busy" in changes else "false")
     if "joint_age" not in changes:
         assert report.values["joint state age [s]"] == "0.01"

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterator
+from types import SimpleNamespace
 
 import pytest
 import rclpy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.parameter import Parameter
+from rclpy.time import Time
 from ros_domain import next_domain
 
 from panda_executor.errors import ExecutorError
@@ -50,3 +53,19 @@ def test_its_limits_are_parameters(ros: None) -> None:
     node.destroy_node()
     with pytest.raises(ExecutorError, match="silence must be finite, got inf"):
         GuardNode(parameter_overrides=[Parameter("silence", value=float("inf"))])
+
+
+def test_what_it_did_is_reported_with_its_time(ros: None, monkeypatch: pytest.MonkeyPatch) -> None:
+    node = GuardNode()
+    reports: list[DiagnosticArray] = []
+    monkeypatch.setattr(node, "_diagnostics", SimpleNamespace(publish=reports.append))
+    before = node.get_clock().now()
+    node._report()
+    node._last = Fault.EXECUTOR_SILENT
+    node._report()
+    assert [report.status[0].level for report in reports] == [DiagnosticStatus.OK, DiagnosticStatus.WARN]
+    assert [report.status[0].message for report in reports] == [
+        "watching", "last cancelled everything because the executor gives no sign of work done"
+    ]  # fmt: skip
+    assert all(Time.from_msg(report.header.stamp, before.clock_type) >= before for report in reports)
+    node.destroy_node()

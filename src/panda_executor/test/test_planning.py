@@ -54,6 +54,24 @@ def test_a_wall_is_gone_round(planner: TransferPlanner, walled: Scene) -> None:
     check_densely(motion)
 
 
+def test_another_way_down_at_the_place_is_tried_where_the_first_leads_nowhere(
+    planner: TransferPlanner, workspace: WorkspaceSpec, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    after, tried = TransferAttempts._after_pick, []
+
+    def second_only(attempts: TransferAttempts, pick: object, place: object, scenes: object) -> object:
+        tried.append((pick, place))
+        if len(tried) == 1:
+            raise PlanningError("no way from there")
+        return after(attempts, pick, place, scenes)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(TransferAttempts, "_after_pick", second_only)
+    action = PickPlaceAction(PlanarPose(0.45, 0.1, 0.0), PlanarPose(0.5, -0.1, 0.0))
+    planner.plan(action, cloud_of([Cube(0.45, 0.1)]), workspace, READY_POSITIONS)
+    (first_pick, first_place), (pick, place) = tried
+    assert pick is first_pick and place is not first_place
+
+
 def test_the_hand_leans_only_where_it_cannot_go_down_upright(
     planner: TransferPlanner, workspace: WorkspaceSpec, free_scene: Scene
 ) -> None:

@@ -62,3 +62,17 @@ def test_what_a_link_touches_it_may_leave_and_nothing_else(planner: TransferPlan
     assert free.problem(low) is None
     assert free.grid.hits(beside.mean(axis=0) - [0.0, 0.0, 0.01]), "what it does not touch vanished, too"
     assert not free.grid.hits(touching.mean(axis=0) - [0.0, 0.0, 0.01])
+
+
+def test_columns_are_freed_three_centimetres_around_a_link_at_most(
+    planner: TransferPlanner, workspace: WorkspaceSpec, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    low = planner.ik.solve_all(hand_down_pose(0.6, 0.0, 0.05, 0.0), READY)[0].positions
+    grid = ObstacleGrid.from_cloud(column_at_the_forearm(planner, low, 0.0), workspace, 0.012)
+    scene = planner.scene(grid, HandShape(planner.config.hand))
+    _, radii = scene._touching(planner.model.reaching.placed(planner.model.data)) or (None, np.zeros(0))
+    freed: list[np.ndarray] = []
+    monkeypatch.setattr(ObstacleGrid, "without_near", lambda g, centres, r: freed.append(r) or g)
+    scene.escaping(low)  # nothing is freed, so it goes on to the last
+    for spare, found in zip((0.01, 0.02, 0.03), freed, strict=True):
+        np.testing.assert_allclose(found, radii + spare)
