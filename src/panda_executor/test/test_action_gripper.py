@@ -109,3 +109,20 @@ def test_a_gripper_that_reports_half_of_the_width_is_understood(full: bool, widt
     caller: Any = SimpleNamespace(call=lambda *_: ActionEnd(MotionStatus.SUCCEEDED, result))
     gripper = ActionGripper(caller, Fingers(repeat(width)), lambda: 0, reports_full_width=full)  # type: ignore[arg-type]
     assert gripper.move(0.0, 20.0, lambda: False).width == pytest.approx(width)
+
+
+def test_a_move_is_stopped_while_it_runs_and_the_next_is_not() -> None:
+    told: list[bool] = []
+
+    def call(goal: Any, patience: float, should_stop: Any) -> ActionEnd:
+        told.append(should_stop())
+        gripper.stop()
+        told.append(should_stop())
+        return ActionEnd(MotionStatus.CANCELLED, None, "stopped")
+
+    caller: Any = SimpleNamespace(call=call)
+    gripper = ActionGripper(caller, Fingers(repeat(OBJECT)), lambda: 0)  # type: ignore[arg-type]
+    for _ in range(2):
+        ended = gripper.move(0.0, 20.0, lambda: False)
+        assert (ended.status, ended.message) == (MotionStatus.CANCELLED, "stopped") and math.isnan(ended.width)
+    assert told == [False, True] * 2

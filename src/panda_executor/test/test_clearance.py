@@ -115,6 +115,17 @@ def test_a_sphere_touches_a_column_where_geometry_says_so() -> None:
     assert not hits[distance > 0.04 + 2 * 0.01 * np.sqrt(2)].any(), "too careful"
 
 
+def test_a_map_reaches_to_its_very_edges_and_no_further() -> None:
+    heights = np.full((12, 9), 0.1)
+    radii = np.array([0.03])
+    reach = ReachMap.over(heights, 0.0, 0.0, 0.01, radii, FLOOR)
+    edges = np.array([[0.001, 0.001], [0.089, 0.001], [0.001, 0.119], [0.089, 0.119]])
+    beyond = np.array([[-0.001, 0.05], [0.091, 0.05], [0.05, -0.001], [0.05, 0.121]])
+    for places, touches in ((edges, True), (beyond, False)):
+        centres = np.column_stack([places, np.full(4, 0.05)])
+        assert (reach.hits(centres, np.repeat(radii, 4)) == touches).all()
+
+
 def test_unseen_space_behind_a_column_counts_as_filled_up_to_the_line_of_sight() -> None:
     heights, seen = np.full((3, 60), -1.0), np.ones((3, 60), dtype=bool)
     heights[1, 40] = 0.2

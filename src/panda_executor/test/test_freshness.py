@@ -172,6 +172,16 @@ def test_the_gate_opens_at_a_standstill_only() -> None:
     assert gate.enter() is None
 
 
+def test_an_arm_that_came_to_rest_before_the_request_ended_may_be_moved_by_hand_after_it() -> None:
+    resting = [True]
+    gate = Gate(lambda: resting[0])
+    assert gate.enter() is None
+    gate.note_motion()
+    gate.leave()
+    resting[0] = False
+    assert gate.enter() is None
+
+
 def test_a_standstill_is_measured(tracker: JointTracker) -> None:
     joints = JointTracker(ARM, FINGERS)
     assert not joints.is_still(0)
