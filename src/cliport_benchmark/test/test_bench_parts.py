@@ -34,8 +34,10 @@ def test_a_call_is_timed_after_three_that_are_not(monkeypatch: pytest.MonkeyPatc
 
 
 def test_a_frame_is_timed_in_three_ways(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(bench_perception, "CloudBuilder", lambda *_: SimpleNamespace(build=lambda *_: None))
     built: list[int] = []
+    both = SimpleNamespace(process=lambda *_: built.append(2))
+    rates = {"heightmap_hz": 0.0, "points_hz": 0.0}  # every frame has both
+    monkeypatch.setattr(bench_perception, "FrameProcessor", lambda *_, **given: both if given == rates else None)
     parts = {"camera": None, "camera_in_base": None, "workspace": WorkspaceSpec(), "build": lambda *_: built.append(1)}
     frame = SimpleNamespace(color=None, depth=None)
     calls = bench_perception.frame_calls(frame, SimpleNamespace(**parts))  # type: ignore[arg-type]
@@ -46,7 +48,7 @@ def test_a_frame_is_timed_in_three_ways(monkeypatch: pytest.MonkeyPatch) -> None
     ]
     for _, call, _ in calls[:2]:
         call()
-    assert len(built) == 2
+    assert built == [1, 2]
 
 
 @pytest.mark.parametrize(

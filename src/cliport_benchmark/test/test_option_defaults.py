@@ -15,7 +15,7 @@ from cliport_benchmark.own_setup import condition_words, variation_of
 from cliport_benchmark.variation import Aspect, MountingErrors, Variation
 
 TASK = "put-blocks-in-bowls-seen-colors"
-SETUP = {"workspace": None, "camera": None}
+SETUP = {"workspace": None, "camera": None, "camera_kind": "plain"}
 VARIED = {"randomize": None, "mounting_error": None}
 
 

@@ -211,12 +211,13 @@ def test_sensors_of_a_kind_have_their_imperfections() -> None:
     plain, perfect = NoiseConfig.of_kind(SensorKind.PLAIN), NoiseConfig.none()
     assert plain == NoiseConfig() and (perfect.color_sigma, perfect.loss, perfect.bias) == (0.0, 0.0, 0.0)
     kinds = {kind: NoiseConfig.of_kind(kind) for kind in SensorKind}
-    assert [kinds[kind].flying for kind in SensorKind] == [0.0, 0.0, 0.5, 0.0]
-    assert [kinds[kind].depth_sigma for kind in SensorKind] == [0.0015, 0.0015, 0.0012, 0.0025]
-    assert [kinds[kind].step for kind in SensorKind] == [0.0, 0.0028, 0.0, 0.0015]
-    assert [kinds[kind].bias for kind in SensorKind] == [0.0, 0.002, 0.003, 0.002]
-    assert [kinds[kind].edge_loss for kind in SensorKind] == [0.7, 0.9, 0.4, 0.8]
-    assert [kinds[kind].dark_loss for kind in SensorKind] == [0.0, 0.6, 0.5, 0.0]
+    assert kinds.pop(SensorKind.PERFECT) == perfect
+    assert [kinds[kind].flying for kind in kinds] == [0.0, 0.0, 0.5, 0.0]
+    assert [kinds[kind].depth_sigma for kind in kinds] == [0.0015, 0.0015, 0.0012, 0.0025]
+    assert [kinds[kind].step for kind in kinds] == [0.0, 0.0028, 0.0, 0.0015]
+    assert [kinds[kind].bias for kind in kinds] == [0.0, 0.002, 0.003, 0.002]
+    assert [kinds[kind].edge_loss for kind in kinds] == [0.7, 0.9, 0.4, 0.8]
+    assert [kinds[kind].dark_loss for kind in kinds] == [0.0, 0.6, 0.5, 0.0]
 
 
 def _flat(depth: float = 1.0) -> CleanFrame:
