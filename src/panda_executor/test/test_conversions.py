@@ -82,7 +82,9 @@ def test_a_failed_motion_is_one_line() -> None:
     message = conversions.motion_message(result(error_code=-4, error_string="joint 3\n is late"))
     assert message == "path tolerance violated: joint 3 is late"
     assert conversions.motion_message(result(error_code=-99)) == "error code -99"
-    assert conversions.motion_message(result(error_code=-4, error_string="a way")) == "path tolerance violated: a way"
+    assert (
+        conversions.motion_message(result(error_code=-4, error_string="too far")) == "path tolerance violated: too far"
+    )
     said = result(error_code=-4, error_string="path tolerance violated")
     assert conversions.motion_message(said) == "path tolerance violated", "not twice"
 
