@@ -125,7 +125,7 @@ def _score(path: Path, values: dict[str, Any]) -> MountingScore:
 
 
 def _scenes(values: dict[str, Any]) -> tuple[Any, ...]:
-    names = ("task", "split", "first_seed", "n_episodes", "offset", "workspace", "camera")
+    names = ("task", "split", "first_seed", "n_episodes", "offset", "workspace", "camera", "camera_kind")
     return tuple(values.get(name) for name in names)
 
 

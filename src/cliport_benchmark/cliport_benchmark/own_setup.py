@@ -49,21 +49,18 @@ class OwnSetup:
             )
 
     @classmethod
-    def load(cls, workspace: Path | None, camera: Path | None, camera_kind: str = SensorKind.PLAIN.value) -> OwnSetup:
-        """Read the files that are given; camera_kind: a SensorKind's name.
+    def load(cls, workspace: Path | None, camera: Path | None, camera_kind: SensorKind = SensorKind.PLAIN) -> OwnSetup:
+        """Read the files that are given.
 
         Raises:
-            OptionError: when the workspace's cannot be used, the camera does not see it, or there is no such kind.
+            OptionError: when the workspace's cannot be used, or the camera does not see it.
             MountingError: when the camera's cannot be used.
         """
-        kinds = [kind.value for kind in SensorKind]
-        if camera_kind not in kinds:
-            raise OptionError(f"--camera-kind {camera_kind} is unknown; choose from {', '.join(kinds)}")
         try:
             spec = WorkspaceSpec() if workspace is None else WorkspaceSpec.load(workspace)
         except CoreError as error:
             raise OptionError(f"--workspace: {error}") from None
-        return cls(spec, load_camera() if camera is None else load_camera(camera), SensorKind(camera_kind))
+        return cls(spec, load_camera() if camera is None else load_camera(camera), camera_kind)
 
     def sim_config(self) -> SimConfig:
         """Return the physics settings for scenes in this workspace."""
@@ -137,9 +134,11 @@ def add_setup_options(parser: argparse.ArgumentParser) -> None:
     """Add --workspace, --camera and --camera-kind."""
     parser.add_argument("--workspace", type=Path, metavar="FILE", help="YAML of your workspace; the shipped one")
     parser.add_argument("--camera", type=Path, metavar="FILE", help="YAML of your camera; the simulator's own")
-    kinds = ", ".join(kind.value for kind in SensorKind)
     parser.add_argument(
-        "--camera-kind", default=SensorKind.PLAIN.value, metavar="KIND", help=f"how its depth errs: {kinds}"
+        "--camera-kind",
+        default=SensorKind.PLAIN.value,
+        choices=[kind.value for kind in SensorKind],
+        help="how its depth errs (default %(default)s)",
     )
 
 
@@ -163,7 +162,7 @@ def add_variation_options(parser: argparse.ArgumentParser) -> None:
 
 def setup_of(options: argparse.Namespace) -> OwnSetup:
     """Load the set-up that the options of add_setup_options name; errors as OwnSetup.load."""
-    return OwnSetup.load(options.workspace, options.camera, options.camera_kind)
+    return OwnSetup.load(options.workspace, options.camera, SensorKind(options.camera_kind))
 
 
 def variation_of(options: argparse.Namespace) -> Variation:

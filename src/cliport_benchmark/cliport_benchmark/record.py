@@ -24,6 +24,7 @@ from cliport_episodes.raw import RawMessage
 from cliport_episodes.writer import EpisodeWriter
 from sim_bridge.errors import LayoutError, PhysicsError
 from sim_bridge.rendering.camera import OPTICAL_FRAME, RgbdFrame
+from sim_bridge.rendering.sensor_noise import SensorKind
 from sim_bridge.scene import Stream, reset_scene, scene_rng
 from sim_bridge.tasks import Task, make_task
 from sim_bridge.world import SimWorld
@@ -59,14 +60,16 @@ class RecordConfig:
 
     def name(self, index: int) -> str:
         """Return the name of an episode's bag: task, split and seed, the digest of a given sentence, and what varied,
-        with a digest of how much where that is not the usual."""
+        with a digest of how much where that is not the usual; and the kind of camera where it is not the plain one."""
         sentence = self.sentence(index)
         asked = f"-{_digest(sentence)}" if sentence else ""
         settings = self.variation.settings()
         varied = "".join(f"-{name}" for name in settings)
         if settings != Variation(self.variation.aspects).settings():
             varied += f"-{_digest(json.dumps(settings))}"
-        return f"{self.task}-{self.split}-{self.first_seed + index:06d}{asked}{varied}"
+        kind = self.setup.camera_kind
+        seen = "" if kind is SensorKind.PLAIN else f"-{kind.value}"
+        return f"{self.task}-{self.split}-{self.first_seed + index:06d}{asked}{varied}{seen}"
 
 
 def _digest(text: str) -> str:

@@ -18,6 +18,7 @@ from cliport_benchmark.record import RecordConfig
 from cliport_benchmark.variation import Aspect, Variation
 from sim_bridge.objects import block_shape
 from sim_bridge.rendering.camera import RgbdFrame
+from sim_bridge.rendering.sensor_noise import SensorKind
 from sim_bridge.scene import reset_scene, scene_rng
 from sim_bridge.world import SimWorld
 
@@ -125,28 +126,30 @@ def test_the_kind_of_camera_is_what_the_agent_sees_and_is_told(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     depths = {}
-    for kind in ("perfect", "plain", "stereo"):
-        setup = OwnSetup.load(None, None, kind)
+    for kind in (SensorKind.PERFECT, SensorKind.PLAIN, SensorKind.STEREO):
+        setup = OwnSetup(camera_kind=kind)
         evaluator = Evaluator(EvaluateConfig("expert", TASK, "test", 0, 1, setup=setup))
         task = reset_scene(evaluator.world, TASK, "test", 0)
         evaluator.observer.new_scene(scene_rng(task.name, task.split, 0, 4))
-        depths[kind] = evaluator.observer.frame(evaluator.world).depth
+        depths[kind.value] = evaluator.observer.frame(evaluator.world).depth
         evaluator.world.close()
     known = np.isfinite(depths["perfect"]) & np.isfinite(depths["plain"]) & np.isfinite(depths["stereo"])
     off = {kind: (depths[kind] - depths["perfect"])[known] for kind in ("plain", "stereo")}
     assert abs(off["plain"].mean()) < 2e-4 and off["plain"].std() > 5e-4
     assert off["stereo"].mean() > 1e-3, "a stereo camera is biased"
     assert np.isfinite(depths["stereo"]).mean() < np.isfinite(depths["plain"]).mean()
-    stereo = EvaluateConfig("expert", TASK, "test", 0, 1, setup=OwnSetup.load(None, None, "stereo")).settings()
+    setup = OwnSetup(camera_kind=SensorKind.STEREO)
+    stereo = EvaluateConfig("expert", TASK, "test", 0, 1, setup=setup).settings()
     assert stereo["camera_kind"] == "stereo" and set_up_words(stereo) == ", stereo camera"
     assert "camera_kind" not in EvaluateConfig("expert", TASK, "test", 0, 1).settings()
-    made = GenerateConfig(TASK, "train", 0, 1, setup=OwnSetup.load(None, None, "stereo")).settings()
+    made = GenerateConfig(TASK, "train", 0, 1, setup=setup).settings()
     assert made["noise"]["bias"] == 0.002 and made["camera_kind"] == "stereo"
+    assert RecordConfig(TASK, "train", 0, 1, setup=setup).name(0) == f"{TASK}-train-000000-stereo"
     arguments = ["--checkpoint", "expert", "--task", TASK, "--out", str(tmp_path / "out.json")]
-    assert evaluate_cli.main([*arguments, "--camera-kind", "lidar"]) == 1
-    assert capsys.readouterr().err == (
-        "error: --camera-kind lidar is unknown; choose from perfect, plain, structured_light, time_of_flight, stereo\n"
-    )
+    with pytest.raises(SystemExit):
+        evaluate_cli.main([*arguments, "--camera-kind", "lidar"])
+    line = capsys.readouterr().err.splitlines()[-1]
+    assert line.startswith("evaluate: error:") and "'lidar'" in line and all(kind.value in line for kind in SensorKind)
 
 
 @pytest.mark.parametrize(

@@ -6,10 +6,13 @@ import math
 
 import numpy as np
 import pytest
+from synthetic_clouds import Cube, cloud_of
 
 from cliport_core.action import PickPlaceAction
 from cliport_core.pose import PlanarPose, Pose
+from cliport_core.workspace import WorkspaceSpec
 from panda_executor.errors import InverseKinematicsError, RequestError
+from panda_executor.grasp import plan_grasps
 from panda_executor.ik import hand_down_pose, tilted, yaw_of_hand
 from panda_executor.model import PandaModel
 from panda_executor.request_check import check_reach
@@ -102,3 +105,27 @@ def test_a_pose_may_be_reached_either_way_round(model: PandaModel) -> None:
     with pytest.raises(RequestError, match=r"the pick \(0\.450, 0\.100\) m is out of reach"):
         check_reach(PickPlaceAction(here, here), NoWay(), model.arm.ready, 0.0)  # type: ignore[arg-type]
     assert asked == pytest.approx([0.7, 0.7 - math.pi])
+
+
+def test_a_cost_from_nearby_is_that_of_the_same_branch_and_falls_back_to_all(planner: TransferPlanner) -> None:
+    ik = planner.ik
+    pose = hand_down_pose(0.5, 0.1, 0.1, 0.3)
+    near, residual = ik.refine(pose, READY_POSITIONS)
+    assert residual < 2e-5 and ik.near_cost(pose, READY_POSITIONS) == ik.cost(near, READY_POSITIONS)
+    far = READY_POSITIONS * -1.0  # from there no descent ends at the pose
+    assert ik.refine(pose, far)[1] > 1e-3
+    assert ik.near_cost(pose, far) == ik.solve_all(pose, far)[0].cost
+    assert ik.near_cost(hand_down_pose(1.4, 0.0, 0.1, 0.0), READY_POSITIONS) == math.inf
+
+
+@pytest.mark.parametrize(("cheaper", "order"), [(0.0, [0.0, math.pi]), (math.pi, [math.pi, 0.0])])
+def test_the_cheaper_way_round_is_tried_first(
+    planner: TransferPlanner, monkeypatch: pytest.MonkeyPatch, cheaper: float, order: list[float]
+) -> None:
+    grasp = plan_grasps(cloud_of([Cube(0.45, 0.1, 0.3)]), PlanarPose(0.45, 0.1, 0.3), WorkspaceSpec())[0]
+    monkeypatch.setattr(
+        planner.ik,
+        "near_cost",
+        lambda pose, start: abs(math.remainder(yaw_of_hand(pose) - grasp.yaw - cheaper, 2 * math.pi)),
+    )
+    assert planner._flips(grasp, READY_POSITIONS) == order
