@@ -9,7 +9,7 @@ import pytest
 from cliport_core import PlanarPose, Pose, Primitive
 from sim_bridge.colors import SEEN_PALETTE, UNSEEN_PALETTE
 from sim_bridge.scene import reset_scene
-from sim_bridge.task_mechanics.sweeping import met_by_sweep, next_sweep
+from sim_bridge.task_mechanics.sweeping import HAND_DEPTH, met_by_sweep, next_sweep
 from sim_bridge.tasks.separating_piles import N_BLOCKS, SeparatingPiles
 from sim_bridge.world import SimWorld
 
@@ -102,3 +102,18 @@ def test_a_sweep_stops_short_of_the_middle(world: SimWorld) -> None:
     assert met_by_sweep(things, start, end).tolist() == [False, True, False]
     assert met_by_sweep(things, start, start).tolist() == [False] * 3
     assert next_sweep(things[:1], zone, 0.12, spec) is None
+
+
+@pytest.mark.parametrize("yaw", [0.0, 0.5, math.pi / 4])
+def test_the_last_ones_are_swept_to_just_inside_the_edge(world: SimWorld, yaw: float) -> None:
+    """A row from the edge to the far edge would be pushed out by a hand that goes on to near the middle."""
+    zone = PlanarPose(0.5, 0.0, yaw)
+    edge = 0.06 / max(abs(math.cos(yaw)), abs(math.sin(yaw)))
+    row = [[0.5 + along, across] for along in np.arange(-edge + 0.025, edge, 0.011) for across in (-0.01, 0.0, 0.01)]
+    things = np.array([[0.5 - edge - 0.004, 0.0], *row])
+    sweep = next_sweep(things, zone, 0.12, world.config.workspace)
+    assert sweep is not None
+    start, end = sweep
+    assert start.x < things[0, 0] and 0.0 < things[1, 0] - end.x < 0.03  # the hand stops at the row's beginning
+    pushed_to = end.x + (HAND_DEPTH + 0.01) / 2.0
+    assert pushed_to == pytest.approx(0.5 - edge + 0.011, abs=0.002)

@@ -27,6 +27,8 @@ _SAFE_DEPTH = 0.009  # a thing this far inside the zone's edge counts fully [m]
 _MAX_STARTS = 24  # things behind which a sweep may begin: the farthest ones outside the zone
 _SIDE_SHIFTS = (-0.008, 0.0, 0.008)  # of the hand beside that thing [m]
 _SHORT_OF_MIDDLE = 0.03  # the hand stops so far before the zone's middle: things lie ahead of it [m]
+_JUST_INSIDE = 0.011  # or when the first thing is so far inside the zone's edge, where the last ones are swept in [m]
+_EARLY_END = 0.5  # price of such an end, in things: policies learn the other one more easily
 _WORKSPACE_MARGIN = 0.005  # of a sweep's start from the workspace's edge [m]
 _BACK_STEPS, _BACK_STEP = 24, 0.005  # distances behind the first thing at which a sweep may begin [m]
 _CLEARANCE = 0.01  # between a thing's middle and the hand that goes down beside it [m]
@@ -43,9 +45,13 @@ def next_sweep(
     worth = square.worth(things)
     outside = np.flatnonzero(worth < 1.0)
     firsts = things[outside[np.argsort(worth[outside], kind="stable")][:_MAX_STARTS]]
-    sweeps = _Sweeps.towards(np.array([zone.x, zone.y]), firsts, _SIDE_SHIFTS, _SHORT_OF_MIDDLE)
+    sweeps = _Sweeps.towards(np.array([zone.x, zone.y]), firsts, _SIDE_SHIFTS)
+    deep = sweeps.shortened(np.full(len(sweeps.length), _SHORT_OF_MIDDLE))
+    early = sweeps.shortened(square.reach(sweeps.forth) - _JUST_INSIDE + _PUSH_DISTANCE)
+    sweeps = deep.and_also(early)
     back = sweeps.run_ups(things, workspace)
     gain = sweeps.gain(things, back, square)
+    gain[len(deep.length) :] -= _EARLY_END
     if not np.isfinite(gain).any():
         return None
     best = int(np.argmax(gain))
@@ -78,6 +84,11 @@ class _Zone:
         worth: FloatArray = np.clip(0.5 - beyond / (2 * _SAFE_DEPTH), 0.0, 1.0) - _BLOCKS_PER_METRE * away
         return worth
 
+    def reach(self, forth: FloatArray) -> FloatArray:
+        """Return how far the zone's edge is from its middle in directions (C, 2), (C,) [m]."""
+        reach: FloatArray = self.size / 2 / np.abs(forth @ self._turn()).max(axis=1)
+        return reach
+
     def _local(self, at: FloatArray) -> FloatArray:
         return np.asarray((at - (self.pose.x, self.pose.y)) @ self._turn())
 
@@ -96,17 +107,29 @@ class _Sweeps:
     length: FloatArray
 
     @classmethod
-    def towards(
-        cls, middle: FloatArray, starts: FloatArray, shifts: tuple[float, ...] = (0.0,), short: float = 0.0
-    ) -> _Sweeps:
-        """Return candidates through each start (F, 2), and beside it, which end `short` [m] of a middle (2,)."""
+    def towards(cls, middle: FloatArray, starts: FloatArray, shifts: tuple[float, ...] = (0.0,)) -> _Sweeps:
+        """Return candidates through each start (F, 2), and beside it, which end at a middle (2,)."""
         way = middle - np.repeat(starts, len(shifts), axis=0)
         side = np.column_stack([-way[:, 1], way[:, 0]]) / np.maximum(np.linalg.norm(way, axis=1), _MIN_WAY)[:, None]
         way -= np.tile(shifts, len(starts))[:, None] * side
         length = np.linalg.norm(way, axis=1)
-        keep = length > short + _MIN_WAY
+        keep = length > _MIN_WAY
         way, length = way[keep], length[keep]
-        return cls(middle - way, way / length[:, None], length - short)
+        return cls(middle - way, way / length[:, None], length)
+
+    def shortened(self, by: FloatArray) -> _Sweeps:
+        """Return those that still move their first thing when they end `by` (C,) [m] sooner."""
+        length = self.length - by
+        keep = length + _PUSH_DISTANCE > _MIN_WAY
+        return _Sweeps(self.start[keep], self.forth[keep], length[keep])
+
+    def and_also(self, others: _Sweeps) -> _Sweeps:
+        """Return these candidates, then the others."""
+        return _Sweeps(
+            np.concatenate([self.start, others.start]),
+            np.concatenate([self.forth, others.forth]),
+            np.concatenate([self.length, others.length]),
+        )
 
     def local(self, things: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return things (N, 2) as seen from each start: along the motion and to its left, (C, N) each [m]."""

@@ -202,9 +202,10 @@ ADAPTATIONS: tuple[Adaptation, ...] = (
     ),
     Adaptation(
         "separating-piles, sweeping-piles",
-        "the expert looks ahead through straight sweeps to 30 mm short of the zone's middle for the one that should "
-        "leave the most inside; the original's pushes the block farthest from the zone to its middle",
-        "the fingers are narrow: 11 sweeps a scene (100 scenes), the original's expert 11 pushes (5 scenes; no arm)",
+        "the expert looks ahead through straight sweeps to 30 mm short of the zone's middle, or to just inside its "
+        "edge, for the one that should leave the most inside; the original's pushes the block farthest from the zone "
+        "to its middle",
+        "the fingers are narrow: 13 sweeps a scene (100 scenes), the original's expert 11 pushes (5 scenes; no arm)",
         "none on the metric; demonstrations follow the whole pile, not one block",
     ),
     Adaptation(
