@@ -1,0 +1,97 @@
+"""How much of an object's place is empty and how far it went, counted cell by cell on a block that was drawn."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from synthetic_clouds import Cube, cube_points, seen_cloud
+
+from cliport_core.pose import PlanarPose
+from cliport_core.workspace import WorkspaceSpec
+from panda_executor.grasp import Grasp, plan_grasps
+from panda_executor.object_moved import moved_problem, seen_shift, vacated_share
+
+X, Y = 0.45, 0.1
+
+
+@pytest.fixture(scope="module")
+def grasp(workspace: WorkspaceSpec) -> Grasp:
+    return plan_grasps(seen_cloud(cube_points(Cube(X, Y, 0.3))), PlanarPose(X, Y, 0.3), workspace)[0]
+
+
+def cells(grasp: Grasp) -> np.ndarray:
+    """Return the middles of the object's cells (M, 2) [m, base frame]."""
+    own = np.unique(np.floor(grasp.inner / grasp.cell).astype(int), axis=0)
+    return (own + 0.5) * grasp.cell + grasp.centroid[:2]
+
+
+def cloud(at: np.ndarray, heights: np.ndarray | float) -> np.ndarray:
+    return np.column_stack([at, np.broadcast_to(heights, len(at))]).astype(np.float32)
+
+
+def test_a_cell_lower_than_half_of_the_object_is_vacated(grasp: Grasp) -> None:
+    half = (grasp.support_z + grasp.top_z) / 2.0
+    at = cells(grasp)
+    for heights, share in ((half - 1e-4, 1.0), (half + 1e-4, 0.0)):
+        assert vacated_share(cloud(at, heights), grasp) == share
+    mixed = np.where(np.arange(len(at)) < 30, half - 1e-4, half + 1e-4)
+    assert vacated_share(cloud(at, mixed), grasp) == pytest.approx(30 / len(at))
+    twice = np.concatenate([cloud(at, 0.0), cloud(at[:10], half + 1e-4)])  # the highest point of a cell counts
+    assert vacated_share(twice, grasp) == pytest.approx(1 - 10 / len(at))
+
+
+def test_only_cells_that_are_seen_count_and_they_must_be_twenty(grasp: Grasp) -> None:
+    at = cells(grasp)
+    assert vacated_share(cloud(at[:19], 0.0), grasp) == 0.0
+    assert vacated_share(cloud(at[:20], 0.0), grasp) == 1.0
+    beside = at + np.array((0.1, 0.0))
+    assert vacated_share(np.concatenate([cloud(at[:20], 0.0), cloud(beside, 0.05)]), grasp) == 1.0
+    assert vacated_share(np.full((50, 3), np.nan, dtype=np.float32), grasp) == 0.0
+
+
+def test_a_moved_object_is_told_with_its_shares(grasp: Grasp) -> None:
+    at = cells(grasp)
+    mixed = np.where(np.arange(len(at)) < len(at) // 2, 0.0, 0.04)
+    share = (len(at) // 2) / len(at)
+    assert moved_problem(cloud(at, mixed), grasp, share) is None
+    said = moved_problem(cloud(at, mixed), grasp, share - 1e-6)
+    assert said == f"the object moved: {100 * share:.0f} % of its place is empty (at most {100 * share:.0f} %)"
+
+
+@pytest.mark.parametrize("shift", [(0, 0), (2, 0), (-3, 0), (0, 4), (0, -8), (5, -3), (8, 8)])
+def test_a_shift_is_found_to_the_cell(grasp: Grasp, shift: tuple[int, int]) -> None:
+    """The ground is seen all round where the object is not."""
+    at = cells(grasp)
+    steps = np.arange(-40, 41) * grasp.cell
+    wide = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2) + at.mean(axis=0)
+    moved = at + np.multiply(shift, grasp.cell)
+    seen = np.concatenate([cloud(wide, 0.0), cloud(moved, grasp.top_z)])
+    np.testing.assert_allclose(seen_shift(seen, grasp), np.multiply(shift, grasp.cell), atol=1e-9)
+
+
+def test_no_shift_is_found_where_less_than_half_of_the_place_is_seen(grasp: Grasp) -> None:
+    at = cells(grasp)
+    moved = cloud(at + np.array((4 * grasp.cell, 0.0)), grasp.top_z)
+    outside = moved[moved[:, 0] > at[:, 0].max() + grasp.cell / 2]
+    half = (len(at) + 1) // 2
+    order = np.argsort(at[:, 0])
+    for count, found in ((half, True), (half - 1, False)):
+        shown = np.concatenate([cloud(at[order[:count]], 0.0), outside])
+        assert bool(np.any(seen_shift(shown, grasp))) == found
+
+
+def test_what_is_far_above_the_object_is_the_hand(grasp: Grasp) -> None:
+    at = cells(grasp)
+    hidden = cloud(at, grasp.top_z + 0.0201)
+    moved = cloud(at + np.array((12 * grasp.cell, 0.0)), grasp.top_z)
+    assert not seen_shift(np.concatenate([hidden, moved]), grasp).any()
+    at_most = cloud(at, grasp.top_z + 0.0199)
+    assert not seen_shift(at_most, grasp).any()  # it is where it was
+
+
+def test_a_taller_support_raises_what_counts_as_empty(grasp: Grasp) -> None:
+    raised = replace(grasp, support_z=0.03, top_z=0.05)
+    at = cells(raised)
+    assert vacated_share(cloud(at, 0.0399), raised) == 1.0 and vacated_share(cloud(at, 0.0401), raised) == 0.0
