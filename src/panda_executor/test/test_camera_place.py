@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from cliport_core.outcome import Refusal
 from cliport_core.pose import Pose
 from panda_executor.camera_place import CameraPlace
 from panda_executor.errors import RequestError
@@ -24,3 +25,17 @@ def test_the_position_follows_the_chain_of_transforms() -> None:
     np.testing.assert_allclose(place.position(), [0.9, 0.0, 0.75], atol=1e-12)
     place.put("base", "mount", Pose.looking_at((0.5, 0.7, 0.8), (0.5, 0.7, 0.0)))
     np.testing.assert_allclose(place.position(), [0.5, 0.7, 0.75], atol=1e-12)
+
+
+def test_an_unknown_place_is_refused_as_such() -> None:
+    place = CameraPlace("base")
+    for _ in range(2):
+        with pytest.raises(RequestError, match="where the camera stands is not known") as caught:
+            place.position()
+        assert caught.value.refusal is Refusal.NO_CAMERA_POSE
+        place.see("lens")
+    place.put("base", "lens", Pose(np.eye(3), np.array([0.1, 0.2, 0.3])))
+    place.put("base", "other", Pose(np.eye(3), np.array([1.0, 2.0, 3.0])))
+    np.testing.assert_array_equal(place.position(), [0.1, 0.2, 0.3])
+    place.see("other")
+    np.testing.assert_array_equal(place.position(), [1.0, 2.0, 3.0])
