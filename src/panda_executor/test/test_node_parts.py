@@ -1,0 +1,219 @@
+"""The executor's node part by part, over a node that is never started: what it hears, offers, reports and ends."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("cliport_interfaces.action")
+
+from geometry_msgs.msg import TransformStamped
+from rclpy.action import CancelResponse, GoalResponse
+from rclpy.clock_type import ClockType
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.serialization import serialize_message
+from sensor_msgs.msg import CameraInfo, JointState
+from std_msgs.msg import String
+from tf2_msgs.msg import TFMessage
+
+from cliport_core.messages import pose_to_transform_msg, stamp_from_msg, stamp_to_msg
+from cliport_core.pose import Pose
+from panda_executor import node as node_module
+from panda_executor.camera_place import CameraPlace
+from panda_executor.gate import Gate
+from panda_executor.health import AgeLimits
+from panda_executor.joint_tracker import JointTracker
+from panda_executor.node import ExecutorNode
+from panda_executor.owner_watch import OwnerWatch
+
+S = 1_000_000_000
+ARM = tuple(f"j{i}" for i in range(7))
+
+
+class Bench:
+    """A node without ROS whose time is 10 s, and all that it asks of ROS."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.words: list[str] = []
+        self.subscriptions: dict[str, tuple[Any, Any, dict[str, Any]]] = {}
+        self.timers: list[tuple[float, Any, dict[str, Any]]] = []
+        self.published: list[Any] = []
+        self.steady = 64.0
+        node = self.node = ExecutorNode.__new__(ExecutorNode)
+        logger = SimpleNamespace(warning=self.words.append)
+        clock = SimpleNamespace(now=lambda: SimpleNamespace(nanoseconds=10 * S))
+        played: dict[str, Any] = {
+            "get_logger": lambda: logger,
+            "get_clock": lambda: clock,
+            "create_subscription": self._subscribe,
+            "create_timer": lambda period, call, **named: self.timers.append((period, call, named)),
+            "create_publisher": lambda kind, topic, depth: SimpleNamespace(publish=self.published.append, topic=topic),
+        }
+        for name, value in played.items():
+            monkeypatch.setattr(ExecutorNode, name, staticmethod(value))
+        node.gate, node._joints, node._camera = Gate(), JointTracker(ARM, ("f",)), CameraPlace("base")
+        node._owners = OwnerWatch(lambda: self.steady, 0.1)
+        clouds: Any = SimpleNamespace(put=lambda raw: None, age=lambda now_ns: 0.5)
+        controllers: Any = SimpleNamespace(
+            arm_ready=True, gripper_ready=True, stop=lambda: None,
+            pulse=SimpleNamespace(turn="a turn", is_alive="alive"),
+        )  # fmt: skip
+        node._clouds, node._controllers = clouds, controllers
+        node._limits = AgeLimits(0.5, 2.0, 0.25)
+        node._calls = "calls"  # type: ignore[assignment]
+        node._session = SimpleNamespace(run=lambda handle, logger: f"result of {handle}")  # type: ignore[assignment]
+
+    def _subscribe(self, kind: Any, topic: str, callback: Any, qos: Any, **named: Any) -> None:
+        self.subscriptions[topic] = callback, qos, named
+
+
+@pytest.fixture
+def bench(monkeypatch: pytest.MonkeyPatch) -> Bench:
+    return Bench(monkeypatch)
+
+
+def test_joint_states_and_signs_of_life_are_taken_note_of(bench: Bench) -> None:
+    message = JointState(name=[*ARM, "f"], position=[0.1 * i for i in range(7)] + [0.02])
+    message.header.stamp = stamp_to_msg(9 * S + S // 2)
+    bench.node._on_joints(message)
+    now = bench.node._now_ns()
+    assert now == 10 * S and bench.node._joints.age(now) == pytest.approx(0.5)
+    np.testing.assert_allclose(bench.node._joints.arm_positions(now), 0.1 * np.arange(7))
+    bench.node._owners.begin("me")
+    for _ in range(9):
+        bench.steady += 0.05
+        bench.node._on_owner(String(data="me"))
+        assert not bench.node._owners.is_silent("me")
+
+
+def test_the_camera_is_found_also_after_a_transform_that_is_none(bench: Bench) -> None:
+    broken = TransformStamped(child_frame_id="broken")
+    broken.transform.rotation.w = float("nan")
+    link = TransformStamped(child_frame_id="lens", transform=pose_to_transform_msg(Pose(np.eye(3), np.arange(3.0))))
+    link.header.frame_id = "base"
+    bench.node._on_transforms(TFMessage(transforms=[broken, link]))
+    assert len(bench.words) == 1 and bench.words[0].startswith("transform of 'broken' ignored: ")
+    info = CameraInfo()
+    info.header.frame_id = "lens"
+    bench.node._on_camera_info(bytes(serialize_message(info)))
+    np.testing.assert_array_equal(bench.node._camera.position(), np.arange(3.0))
+
+
+def test_goals_go_through_the_gate(bench: Bench) -> None:
+    goal: Any = "goal"
+    assert bench.node._on_goal(goal) == GoalResponse.ACCEPT and bench.words == []
+    assert bench.node.gate.busy
+    assert bench.node._on_goal(goal) == GoalResponse.REJECT
+    assert bench.words == ["goal rejected: another goal is being executed"]
+    handle: Any = "the handle"
+    assert bench.node._execute(handle) == "result of the handle"  # type: ignore[comparison-overlap]
+    assert not bench.node.gate.busy, "no other goal would ever run"
+
+    def fail(*_: Any) -> None:
+        raise RuntimeError
+
+    bench.node._session.run = fail  # type: ignore[assignment,method-assign]
+    assert bench.node._on_goal(goal) == GoalResponse.ACCEPT
+    with pytest.raises(RuntimeError):
+        bench.node._execute(handle)
+    assert not bench.node.gate.busy
+
+
+@pytest.mark.parametrize(
+    ("arm", "gripper", "busy", "words"),
+    [
+        (True, True, False, "ready"),
+        (False, True, False, "the arm's action server is missing"),
+        (True, False, False, "the gripper's action server is missing"),
+        (True, True, True, "executing"),
+    ],
+)
+def test_the_report_is_of_now(bench: Bench, arm: bool, gripper: bool, busy: bool, words: str) -> None:
+    node = bench.node
+    node._diagnostics = SimpleNamespace(publish=bench.published.append)  # type: ignore[assignment]
+    node._controllers.arm_ready, node._controllers.gripper_ready = arm, gripper  # type: ignore[misc]
+    node._joints.update((*ARM, "f"), [0.0] * 8, 10 * S - S // 4)
+    if busy:
+        node.gate.enter()
+    node._report()
+    [message] = bench.published
+    assert stamp_from_msg(message.header.stamp) == 10 * S
+    assert message.status[0].message == words
+    values = {value.key: value.value for value in message.status[0].values}
+    assert (values["joint state age [s]"], values["cloud age [s]"]) == ("0.25", "0.50")
+
+
+def test_what_is_heard_and_how(bench: Bench) -> None:
+    node = bench.node
+    node._subscribe()
+    topics = {topic: callback for topic, (callback, _, _) in bench.subscriptions.items()}
+    assert topics == {
+        "/cliport/points": node._clouds.put,
+        "/joint_states": node._on_joints,
+        "/cliport/owner_heartbeat": node._on_owner,
+        "/tf_static": node._on_transforms,
+        "/camera/color/camera_info": node._on_camera_info,
+    }
+    qos = {topic: qos for topic, (_, qos, _) in bench.subscriptions.items()}
+    assert (qos["/cliport/points"].depth, qos["/cliport/points"].reliability) == (1, QoSProfile(depth=1).reliability)
+    for name in ("/joint_states", "/camera/color/camera_info"):
+        assert qos[name].reliability == ReliabilityPolicy.BEST_EFFORT
+    assert qos["/tf_static"].durability == DurabilityPolicy.TRANSIENT_LOCAL and qos["/tf_static"].depth == 100
+    assert qos["/cliport/owner_heartbeat"] == 20
+    raw = {topic for topic, (_, _, named) in bench.subscriptions.items() if named.get("raw")}
+    assert raw == {"/cliport/points", "/camera/color/camera_info"}
+    groups = {topic: named["callback_group"] for topic, (_, _, named) in bench.subscriptions.items()}
+    assert len({id(group) for group in groups.values()}) == 2 and None not in groups.values()
+    assert groups["/cliport/points"] is not groups["/joint_states"], "a cloud of 16 MB must hold up no joint state"
+
+
+def test_what_is_offered_and_how_often(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    node, made = bench.node, dict[str, Any]()
+    monkeypatch.setattr(node_module, "Surroundings", lambda *given: made.setdefault("surroundings", given))
+    monkeypatch.setattr(node_module, "PersonServices", lambda *given: made.setdefault("services", given))
+    monkeypatch.setattr(node_module, "Heartbeat", lambda beat, is_alive: made.setdefault("beat", (beat, is_alive)))
+    monkeypatch.setattr(node_module, "ThreadedActionServer", lambda *given, **named: made.update(action=(given, named)))
+    node._runner = SimpleNamespace(planner="the planner")  # type: ignore[assignment]
+    node._approvals = "approvals"  # type: ignore[assignment]
+    node._settings = SimpleNamespace(robot=SimpleNamespace(base_frame="base"))  # type: ignore[assignment]
+    node._offer()
+    assert made["surroundings"] == ("the planner", node._clouds, node._camera, "base", node._now_ns)
+    given = made["services"]
+    assert given[:6] == (
+        node, node.gate, node._runner, "approvals", node._controllers.stop, made["surroundings"]
+    )  # fmt: skip
+    (report, turn) = bench.timers
+    assert report[:2] == (1.0, node._report) and turn[:2] == (0.05, "a turn")
+    for timer in bench.timers:
+        assert timer[2]["clock"].clock_type == ClockType.STEADY_TIME, "they go on where ROS time stands"
+        assert timer[2]["callback_group"] is given[6] is not None
+    beat, is_alive = made["beat"]
+    beat()
+    assert [type(message).__name__ for message in bench.published] == ["Empty"] and is_alive == "alive"
+    positional, named = made["action"]
+    assert positional[0] is node and positional[2:] == ("/panda_executor/pick_place", node._execute)
+    assert named["callback_group"] == "calls" and named["goal_callback"] == node._on_goal
+    assert named["cancel_callback"]("any") == CancelResponse.ACCEPT
+
+
+@pytest.mark.parametrize(("ends", "waits"), [(0.0, 0.2), (1.0, 1.2), (99.0, 3.2)])
+def test_the_end_waits_for_what_runs_and_for_its_last_words(
+    bench: Bench, ends: float, waits: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    node, begun, stopped = bench.node, bench.steady, list[float]()
+
+    def sleep(seconds: float) -> None:
+        assert node.gate.stopped, "what runs has to end"
+        bench.steady += seconds
+        if bench.steady - begun >= ends:
+            node.gate.leave()
+
+    monkeypatch.setattr(node_module, "time", SimpleNamespace(monotonic=lambda: bench.steady, sleep=sleep))
+    node._heartbeat = SimpleNamespace(stop=lambda: stopped.append(bench.steady - begun))  # type: ignore[assignment]
+    if ends:
+        node.gate.enter()
+    node.close()
+    assert stopped == [pytest.approx(waits, abs=0.03)]
