@@ -25,6 +25,7 @@ collect_ignore = (
     else [
         "test_action_arm.py",
         "test_action_call.py",
+        "test_action_gripper.py",
         "test_conversions.py",
         "test_goal_session.py",
         "test_guard_node.py",

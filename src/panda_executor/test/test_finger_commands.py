@@ -37,6 +37,13 @@ def test_fingers_that_are_nearly_there_are_let_be(bench: CommandBench, width: fl
     assert bench.gripper.efforts == ((13.0,) if moves else ())
 
 
+def test_closed_fingers_are_told_to_close_again(bench: CommandBench) -> None:
+    """Only a motion says whether they press on something."""
+    bench.gripper.opening = bench.gripper.object_width = 0.0
+    bench.commands.move_fingers(0.0, 13.0)
+    assert bench.gripper.moves == [0.0]
+
+
 def test_fingers_that_stand_open_are_known_to_hold_nothing(bench: CommandBench) -> None:
     for width, told, holds in ((OPEN, OPEN, False), (0.04, 0.04, True)):
         bench.gripper.opening = width

@@ -213,3 +213,10 @@ def test_a_feature_may_be_a_little_wider_below(foot: int, width: int) -> None:
     cells = ground((-2, foot, -20, 20, 0.03), RIM)
     held = Jaws(cells, 0.0, 0.0, 0.0, 0.0, 0.0, CONFIG).on_feature(whole, 0.01, 0.02, "here")
     assert held is not None and held.width == pytest.approx(width * CELL)
+
+
+@pytest.mark.parametrize("side", [(9, 9, -3, 5), (-7, -7, -3, 5)])
+def test_the_cells_right_beside_a_part_are_its_own(side: tuple[int, int, int, int]) -> None:
+    """Its outermost points fall into them: a lower edge there is no neighbour that the fingers must avoid."""
+    held = hold(ground(BLOCK, (*side, 0.045)))
+    assert held.tips == pytest.approx(0.03 - HAND.fingertip_below_tcp) and held.opening == HAND.opening

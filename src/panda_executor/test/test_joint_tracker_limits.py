@@ -151,6 +151,14 @@ def test_a_clock_that_was_set_back_leaves_nothing_of_the_time_before() -> None:
     assert joints.is_still(5 * S + 50 * MS)
 
 
+def test_a_clock_that_was_set_back_a_little_is_followed_too() -> None:
+    """To a time that lies among the looks that are kept."""
+    joints = tracker(*((10 * S + 100 * i * MS, REST) for i in range(11)))
+    for now in (10 * S + 500 * MS, 10 * S + 550 * MS):
+        joints.update(ARM, REST.tolist(), now)
+    assert joints.is_still(10 * S + 550 * MS)
+
+
 def plainly_still(track: list[tuple[int, FloatArray]]) -> bool:
     """Say whether the looks of the last 80 ms, the last two at least, keep below 0.02 rad/s over their time."""
     newest = track[-1][0]
