@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from cliport_core.outcome import Refusal
 from panda_executor.errors import RequestError
 from panda_executor.hand_content import HandContent
 from panda_executor.hand_geometry import HandShape
@@ -51,3 +52,43 @@ def test_the_shape_is_that_of_what_is_held(hand: HandContent) -> None:
     hand.begin(0.0)
     hand.note(0.0, 0.03)
     assert hand.load(0.03) is None, "another thing, of unknown shape"
+
+
+def test_fingers_that_stop_at_a_width_hold_something_from_that_width_on(hand: HandContent) -> None:
+    """5 mm and more is something; 5 mm asked for and reached is not: the fingers were not told to close on it."""
+    for commanded, width, holds in (
+        (0.0, 0.005, True),
+        (0.0, 0.0049, False),
+        (0.0049, 0.02, True),
+        (0.005, 0.02, False),
+        (0.005, 0.005, False),
+    ):
+        hand.note(commanded, width)
+        assert hand.holds(width) == holds, (commanded, width)
+
+
+@pytest.mark.parametrize("change", [-1.0, 1.0])
+def test_fingers_that_moved_by_three_millimetres_hold_it_no_more(hand: HandContent, change: float) -> None:
+    hand.note(0.0, 0.04)
+    assert hand.holds(0.04 + change * 0.0029) and not hand.holds(0.04 + change * 0.0031)
+
+
+def test_closing_fingers_hold_what_stops_them_from_the_least_width_on(hand: HandContent) -> None:
+    hand.begin(0.0049)
+    assert hand.holds(0.005) and not hand.holds(0.0049)
+    hand.note(0.0, 0.03)
+    hand.begin(0.005)
+    assert hand.holds(0.03) and not hand.holds(0.05), "told to open, it holds what it held, and nothing else"
+
+
+def test_a_full_hand_is_refused_with_its_width_and_how_to_empty_it(hand: HandContent) -> None:
+    hand.check_empty(0.04)
+    hand.note(0.0, 0.0416)
+    with pytest.raises(
+        RequestError, match=r"holds something 42 mm wide; call \S+recover to carry .*, \S+open"
+    ) as caught:
+        hand.check_empty(0.0416)
+    assert (caught.value.refusal, caught.value.value, caught.value.limit) == (Refusal.HAND_NOT_EMPTY, 0.0416, 0.005)
+    hand.check_empty(0.05)
+    hand.note(0.08, 0.08)
+    hand.check_empty(0.0416)

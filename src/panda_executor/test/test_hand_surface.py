@@ -117,4 +117,5 @@ def test_a_shape_has_its_hands_points_and_its_loads() -> None:
     np.testing.assert_allclose(middle, (shape.load.min(axis=0) + shape.load.max(axis=0)) / 2.0)
     away = np.linalg.norm(shape.load - middle, axis=1)
     assert away.max() < radius <= away.max() + 2e-9
-    assert bare.load.shape == (0, 3) and bare.load_ball[1] < 1e-8
+    assert bare.load.shape == (0, 3) and 0.0 <= bare.load_ball[1] < 1e-8
+    np.testing.assert_array_equal(bare.load_ball[0], np.zeros(3))

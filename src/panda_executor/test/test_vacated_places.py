@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -95,3 +97,44 @@ def test_a_taller_support_raises_what_counts_as_empty(grasp: Grasp) -> None:
     raised = replace(grasp, support_z=0.03, top_z=0.05)
     at = cells(raised)
     assert vacated_share(cloud(at, 0.0399), raised) == 1.0 and vacated_share(cloud(at, 0.0401), raised) == 0.0
+
+
+def drawn(width: int, shifts: list[tuple[int, int]], unseen: int = 0) -> tuple[Grasp, np.ndarray]:
+    """Return a square of so many cells, and a cloud in which it stands at each of the shifts and nowhere else.
+
+    Of the first of them so many cells are not seen.
+    """
+    whole = np.array([[x + 0.5, y + 0.5] for y in range(width) for x in range(width)]) * 0.0025
+    square: Any = SimpleNamespace(inner=whole, cell=0.0025, centroid=np.array([X, Y, 0.03]), top_z=0.04, support_z=0.0)
+    heights = {(x, y): 0.0 for x in range(-30, 40) for y in range(-30, 40)}
+    places = [[(x + dx, y + dy) for y in range(width) for x in range(width)] for dx, dy in shifts]
+    heights |= {cell: 0.04 for place in places for cell in place}
+    for cell in places[0][:unseen]:
+        del heights[cell]
+    at = (np.array(list(heights)) + 0.5) * 0.0025 + [X, Y]
+    return square, cloud(at, np.array(list(heights.values())))
+
+
+@pytest.mark.parametrize("turn", range(8))
+@pytest.mark.parametrize(
+    ("short", "far"), [((4, 4), (-6, 1)), ((0, 5), (8, -1)), ((-3, -5), (6, 0)), ((5, 3), (0, -6))]
+)
+def test_of_two_shifts_as_good_the_shorter_is_taken(short: tuple[int, int], far: tuple[int, int], turn: int) -> None:
+    shifts = [complex(*shift) * 1j**turn for shift in (short, far)]
+    flat = [(round(s.real), round(s.imag if turn < 4 else -s.imag)) for s in shifts]
+    square, seen = drawn(5, flat)
+    np.testing.assert_allclose(seen_shift(seen, square), np.multiply(flat[0], 0.0025), atol=1e-9)
+
+
+@pytest.mark.parametrize(("unseen", "taken"), [(3, (0, -6)), (4, (0, 8))])
+def test_a_shorter_shift_explains_nearly_as_many_cells(unseen: int, taken: tuple[int, int]) -> None:
+    """Of 100 cells 97 are as good as all."""
+    square, seen = drawn(10, [(0, -6), (0, 8)], unseen)
+    np.testing.assert_allclose(seen_shift(seen, square), np.multiply(taken, 0.0025), atol=1e-9)
+
+
+@pytest.mark.parametrize("beyond", [(9, 0), (0, 9), (-9, 0), (0, -9)])
+def test_an_object_is_followed_for_two_centimetres(beyond: tuple[int, int]) -> None:
+    """Of a shift by nine cells, which is more, the first eight are found."""
+    square, seen = drawn(5, [beyond])
+    np.testing.assert_allclose(seen_shift(seen, square), np.multiply(np.sign(beyond), 0.02), atol=1e-9)
