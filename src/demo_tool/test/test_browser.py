@@ -66,11 +66,17 @@ def _use_fingers(person: Person) -> None:
         touch("touchMove", end)
         touch("touchEnd")
 
+    def tap(name: str) -> None:
+        button = person.page.locator(name)
+        button.scroll_into_view_if_needed()
+        person.page.wait_for_timeout(500)  # Chromium makes no click of a touch while the page still scrolls
+        button.tap()
+
     swipe(person.box)
     person.words("pick", "points")
     swipe(person.goal)
     person.words("place", "points")
-    person.page.locator(".end.place .turn[data-turn='1']").tap()
+    tap(".end.place .turn[data-turn='1']")
     person.words("place", "+10°")
     person.page.evaluate("window.scrollTo(0, 0)")
     pull(person.middle(".end-drawing.place .handle"), person.around("place", 5, 60))
@@ -80,7 +86,7 @@ def _use_fingers(person: Person) -> None:
     pull(start, end)
     until(lambda: person.drawn("place")["box"][0] > top + 5, "moved by finger")
     person.words("place", "points")  # the page has settled, or the tap would miss
-    person.page.locator("#record-only").tap()
+    tap("#record-only")
     until(lambda: len(steps(place)) == 1, lambda: f"recorded; the page says {person.page.text_content('#answer')}")
     assert place.arm.goals == []
 
