@@ -21,7 +21,7 @@ from std_srvs.srv import Trigger
 from cliport_benchmark.graph_client import GraphClient
 from cliport_core import topics
 from cliport_core.heartbeat import Heartbeat
-from cliport_interfaces.action import PickPlace
+from cliport_interfaces.action import MoveHand, PickPlace
 
 STILL = 0.005  # rad/s: below this the arm counts as standing still
 _OWNER = "graph_probe"
@@ -39,10 +39,14 @@ class GraphProbe(GraphClient):
         beats = self._node.create_publisher(String, topics.OWNER_HEARTBEAT, 10)
         self._heart = Heartbeat(lambda: beats.publish(String(data=_OWNER)))
         self._pick_place = ActionClient(self._node, PickPlace, "/panda_executor/pick_place")
+        self._move_hand = ActionClient(self._node, MoveHand, "/panda_executor/move_hand")
         self._parameters = self._node.create_client(SetParameters, "/sim_bridge/set_parameters")
         self._triggers = {
             name: self._node.create_client(Trigger, name)
-            for name in ("/cliport/stop", "/cliport/resume", "/panda_executor/stop", "/panda_executor/resume")
+            for name in (
+                *("/cliport/stop", "/cliport/resume", "/panda_executor/stop", "/panda_executor/resume"),
+                "/panda_executor/ready",
+            )
         }
 
     def __exit__(self, *error: object) -> None:
@@ -67,10 +71,16 @@ class GraphProbe(GraphClient):
         """Ask for a plan alone between two poses, each a position (3,) and a quaternion (4,); the goal handle."""
         return self._send(PickPlace.Goal(instruction="test", plan_only=True, pick=_pose(*pick), place=_pose(*place)))
 
-    def _send(self, goal: PickPlace.Goal) -> Any:
-        assert self._pick_place.wait_for_server(5.0)
+    def send_hand(self, x: float, y: float, z: float, plan_only: bool = False) -> Any:
+        """Send the hand, pointing down, to a place over the table; the goal handle."""
+        target = _pose((x, y, z), (1.0, 0.0, 0.0, 0.0))
+        return self._send(MoveHand.Goal(target=target, plan_only=plan_only, owner=_OWNER), self._move_hand)
+
+    def _send(self, goal: Any, action: ActionClient | None = None) -> Any:
+        action = action or self._pick_place
+        assert action.wait_for_server(5.0)
         goal.header.frame_id = "panda_link0"
-        return self._answer_of(lambda: self._pick_place.send_goal_async(goal), 5.0)
+        return self._answer_of(lambda: action.send_goal_async(goal), 5.0)
 
     def result_of(self, handle: Any, timeout: float = 60.0) -> Any:
         """The result message of an accepted goal."""

@@ -123,6 +123,22 @@ def test_a_pose_out_of_bounds_is_refused(
     assert probe.fastest(start) < STILL
 
 
+def test_the_hand_goes_where_it_is_told_and_back(probe: GraphProbe) -> None:
+    """The arm is in the camera's view from the second motion on."""
+    for x, y, z in ((0.45, 0.1, 0.25), (0.5, -0.1, 0.2)):
+        result = probe.result_of(probe.send_hand(x, y, z))
+        assert result.outcome == PickPlace.Result.OUTCOME_SUCCEEDED, result.message
+    low = probe.result_of(probe.send_hand(0.5, -0.1, -0.05))
+    assert low.outcome == PickPlace.Result.OUTCOME_PLANNING_FAILED
+    start = time.monotonic()
+    planned = probe.result_of(probe.send_hand(0.45, 0.1, 0.25, plan_only=True))
+    assert planned.outcome == PickPlace.Result.OUTCOME_PLANNED, planned.message
+    assert probe.fastest(start) < STILL
+    probe.trigger("/panda_executor/ready")
+    probe.wait_moving()
+    probe.wait_still(time.monotonic())
+
+
 def test_nothing_to_grasp_is_said(probe: GraphProbe) -> None:
     start = time.monotonic()
     result = probe.result_of(probe.send_pick_place((0.26, -0.39), (0.4, 0.2)))

@@ -1,4 +1,4 @@
-"""The one action, from network to executor to bag: two poses and what the hand does with them."""
+"""The one action, from network to executor to bag: two poses and what the hand does with them; and goals."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from enum import IntEnum
 
-from cliport_core.pose import PlanarPose
+from cliport_core.pose import PlanarPose, Pose
 
 
 class Primitive(IntEnum):
@@ -61,5 +61,22 @@ class ActionGoal:
     action: PickPlaceAction
     instruction: str = ""
     stamp_ns: int = 0
+    plan_only: bool = False
+    owner: str = ""
+
+
+@dataclass(frozen=True)
+class HandGoal:
+    """A pose in space asked for: by the calibration, of the executor.
+
+    target: of the tcp in the base frame.
+    carried: how far what the hand carries reaches from the tcp [m]; 0 where it carries nothing.
+    blind: move without a cloud; the arm itself, the table and a camera whose place is known are avoided.
+    plan_only, owner: as an ActionGoal's.
+    """
+
+    target: Pose
+    carried: float = 0.0
+    blind: bool = False
     plan_only: bool = False
     owner: str = ""

@@ -40,6 +40,7 @@ DEMONSTRATION = "/cliport/demonstration"
 
 # the executor
 PICK_PLACE = "/panda_executor/pick_place"
+MOVE_HAND = "/panda_executor/move_hand"
 HEARTBEAT = "/panda_executor/heartbeat"
 OWNER_HEARTBEAT = "/cliport/owner_heartbeat"
 EXECUTOR_APPROVE = "/panda_executor/approve"

@@ -15,7 +15,7 @@ from cliport_core.outcome import ActionResult, Outcome
 from cliport_core.workspace import WorkspaceSpec
 from panda_executor.config import AfterFailure
 from panda_executor.drag import DragPlan, plan_drag, renewed_drag
-from panda_executor.errors import ExecutorError, GraspError, PlanningError, RequestError
+from panda_executor.errors import ExecutorError, PlanningError
 from panda_executor.hand_geometry import HandShape
 from panda_executor.motions import Motion
 from panda_executor.obstacle_grid import ObstacleGrid
@@ -23,6 +23,7 @@ from panda_executor.phase import Phase
 from panda_executor.place_change import place_problem
 from panda_executor.request_check import check_cloud, check_poses, check_positions, check_reach, check_table
 from panda_executor.run_commands import EarlyEnd, LoadLost, RunCommands
+from panda_executor.run_end import ended, result_of
 from panda_executor.transfer import TransferPlanner
 from panda_executor.transfer_attempts import PickPlacePlan
 from panda_model.limits import FloatArray
@@ -87,24 +88,9 @@ class ActionRun:
 
     def _ended(self, act: Callable[[], str], success: Outcome) -> ActionResult:
         """Return how `act` ended, which returns a sentence when it went well."""
-        try:
-            return self._end(success, act())
-        except EarlyEnd as end:
-            return self._recovered(end)
-        except RequestError as error:
-            if self._commands.should_stop():  # it ended a wait for what the request lacks
-                return self._end(Outcome.CANCELLED, f"cancelled; {self._what_moved()}: {error}")
-            ended = self._end(Outcome.REJECTED, str(error))
-            return replace(ended, refusal=error.refusal, refusal_value=error.value, refusal_limit=error.limit)
-        except (GraspError, PlanningError) as error:
-            if self._commands.should_stop():
-                return self._end(Outcome.CANCELLED, f"cancelled during planning; {self._what_moved()}")
-            return self._end(Outcome.PLANNING_FAILED, str(error))
-        except ExecutorError as error:
-            return self._end(Outcome.EXECUTION_FAILED, str(error))
-
-    def _what_moved(self) -> str:
-        return "the arm holds" if self._commands.moved else "nothing moved"
+        result = ended(self._commands, act, success, self._recovered)
+        centroid = None if self._centroid is None else tuple(self._centroid.tolist())
+        return replace(result, grasp_centroid=centroid)
 
     def _recovered(self, end: EarlyEnd) -> ActionResult:
         """Return how a run ended that a failure cut short, after the arm went back where it is to."""
@@ -140,12 +126,7 @@ class ActionRun:
         return self._planner.grid(self._cloud, self._workspace, seen_at)
 
     def _end(self, outcome: Outcome, message: str) -> ActionResult:
-        try:
-            width = self._commands.width()
-        except ExecutorError:
-            width = float("nan")
-        centroid = None if self._centroid is None else tuple(self._centroid.tolist())
-        return ActionResult(outcome, message, centroid, width)
+        return result_of(self._commands, outcome, message)
 
     @cached_property
     def _cloud(self) -> Cloud:

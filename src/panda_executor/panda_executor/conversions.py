@@ -15,7 +15,7 @@ from trajectory_msgs.msg import JointTrajectoryPoint
 
 from cliport_core.errors import CoreError
 from cliport_core.messages import stamp_to_msg
-from cliport_interfaces.action import PickPlace
+from cliport_interfaces.action import MoveHand, PickPlace
 from cliport_perception.conversions import cloud_points_from_msg
 from panda_executor.errors import RequestError
 from panda_executor.health import HealthReport
@@ -102,6 +102,11 @@ def gripper_goal_to_msg(width: float, max_effort: float) -> GripperCommand.Goal:
 def feedback_to_msg(phase: Phase, progress: float, plan_id: str = "") -> PickPlace.Feedback:
     """Return feedback with a phase, its name, the progress 0..1, and the plan's id once there is one."""
     return PickPlace.Feedback(phase=int(phase), phase_name=phase.name, progress=float(progress), plan_id=plan_id)
+
+
+def hand_feedback_to_msg(phase: Phase, progress: float, plan_id: str = "") -> MoveHand.Feedback:
+    """Return feedback of a goal of the hand; arguments as those of `feedback_to_msg`."""
+    return MoveHand.Feedback(phase=int(phase), phase_name=phase.name, progress=float(progress), plan_id=plan_id)
 
 
 def cloud_from_raw(raw: bytes, base_frame: str) -> npt.NDArray[np.float32]:

@@ -1,12 +1,10 @@
-"""The node `executor`: PickPlace goals in; trajectories and gripper commands out."""
+"""The node `executor`: PickPlace and MoveHand goals in; trajectories and gripper commands out."""
 
 from __future__ import annotations
 
 import time
 
 from diagnostic_msgs.msg import DiagnosticArray
-from rclpy.action import CancelResponse, GoalResponse
-from rclpy.action.server import ServerGoalHandle
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup, ReentrantCallbackGroup
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
@@ -20,8 +18,6 @@ from cliport_core import topics
 from cliport_core.heartbeat import Heartbeat
 from cliport_core.messages import pose_from_transform_msg, stamp_from_msg
 from cliport_core.raw_header import header_of_raw
-from cliport_core.ros_action_server import ThreadedActionServer
-from cliport_interfaces.action import PickPlace
 from panda_executor import conversions
 from panda_executor.approvals import Approvals
 from panda_executor.camera_place import CameraPlace
@@ -32,6 +28,7 @@ from panda_executor.health import AgeLimits, assess
 from panda_executor.joint_tracker import JointTracker
 from panda_executor.model import PandaModel
 from panda_executor.node_controllers import Controllers
+from panda_executor.node_goals import GoalServers
 from panda_executor.node_parameters import NodeParameters, read_parameters
 from panda_executor.node_preview import PlanPreviews
 from panda_executor.node_services import PersonServices
@@ -99,7 +96,7 @@ class ExecutorNode(Node):
         )
 
     def _offer(self) -> None:
-        """Offer services, diagnostics, the heartbeat and, last, the action."""
+        """Offer services, diagnostics, the heartbeat and, last, the actions."""
         services = ReentrantCallbackGroup()
         surroundings = Surroundings(
             self._runner.planner, self._clouds, self._camera, self._settings.robot.base_frame, self._now_ns
@@ -112,10 +109,7 @@ class ExecutorNode(Node):
         self.create_timer(_TURN, pulse.turn, callback_group=services, clock=steady)
         beats = self.create_publisher(Empty, topics.HEARTBEAT, 10)
         self._heartbeat = Heartbeat(lambda: beats.publish(Empty()), is_alive=pulse.is_alive)
-        self._server = ThreadedActionServer(
-            self, PickPlace, topics.PICK_PLACE, self._execute, callback_group=self._calls,
-            goal_callback=self._on_goal, cancel_callback=lambda _: CancelResponse.ACCEPT,
-        )  # fmt: skip
+        self._goals = GoalServers(self, self._session, self.gate, self._calls)
 
     def _now_ns(self) -> int:
         return int(self.get_clock().now().nanoseconds)
@@ -137,18 +131,6 @@ class ExecutorNode(Node):
 
     def _on_camera_info(self, raw: bytes) -> None:
         self._camera.see(header_of_raw(raw)[1])
-
-    def _on_goal(self, _: PickPlace.Goal) -> GoalResponse:
-        refusal = self.gate.enter()
-        if refusal is not None:
-            self.get_logger().warning(f"goal rejected: {refusal}")
-        return GoalResponse.ACCEPT if refusal is None else GoalResponse.REJECT
-
-    def _execute(self, handle: ServerGoalHandle) -> PickPlace.Result:
-        try:
-            return self._session.run(handle, self.get_logger())
-        finally:
-            self.gate.leave()
 
     def _report(self) -> None:
         now_ns = self._now_ns()

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
-from cliport_core.action import ActionGoal, PickPlaceAction
+from cliport_core.action import ActionGoal, HandGoal, PickPlaceAction
 from cliport_core.outcome import ActionResult
 from cliport_core.pose import PlanarPose
 from cliport_core.workspace import WorkspaceSpec
 from panda_executor.action_run import ActionRun, Cloud, CloudSource, Look
 from panda_executor.config import ExecutorConfig
 from panda_executor.hand_content import HandContent
+from panda_executor.hand_move import HandMove
 from panda_executor.model import PandaModel
 from panda_executor.ports import ArmPort, GripperPort, ShouldStop
 from panda_executor.run_commands import OnPhase, OnPlan, RunCommands
@@ -65,6 +68,22 @@ class PickPlaceRunner:
         source = cloud if callable(cloud) else lambda: cloud
         commands = self._commands(on_phase, should_stop, on_plan)
         return ActionRun(self.planner, commands, goal, source, workspace, look).result()
+
+    def move_hand(
+        self,
+        goal: HandGoal,
+        cloud: Callable[[], Cloud | None],
+        workspace: WorkspaceSpec,
+        on_phase: OnPhase = lambda phase, progress: None,
+        should_stop: ShouldStop = lambda: False,
+        on_plan: OnPlan = lambda motions: False,
+    ) -> ActionResult:
+        """Move the hand to a pose in space, or only plan it; arguments as those of `run`, which never raises, either.
+
+        Args:
+            cloud: fetches it; None where the motion is to be blind.
+        """
+        return HandMove(self.planner, self._commands(on_phase, should_stop, on_plan), goal, cloud, workspace).result()
 
     def go_ready(self, should_stop: ShouldStop = lambda: False, cloud: Cloud | None = None) -> ActionResult:
         """Move to the ready pose, out of the camera's view, with what the hand holds.

@@ -19,7 +19,7 @@ from cliport_core.messages import goal_to_msg, result_from_msg
 from cliport_core.outcome import ActionResult, Outcome, Refusal
 from cliport_core.pose import PlanarPose, Pose
 from cliport_core.workspace import WorkspaceSpec
-from panda_executor import goal_session
+from panda_executor import goal_session, owned_runs
 from panda_executor.approvals import Approvals
 from panda_executor.camera_place import CameraPlace
 from panda_executor.cloud_cache import CloudCache
@@ -55,7 +55,8 @@ class Bench:
             require_owner=True, owner_silence=0.1, approval_time=9.0,
         )  # fmt: skip
         clock = SimpleNamespace(monotonic=lambda: self.steady, sleep=self._sleep)
-        monkeypatch.setattr(goal_session, "time", clock)
+        for module in (goal_session, owned_runs):
+            monkeypatch.setattr(module, "time", clock)
         self.planner = SimpleNamespace(place_camera=lambda position: self.words.append(f"camera at {position}"))
         self.session = GoalSession(
             self, self.clouds, self.camera, parameters, self.gate, lambda: int(self.now * S), self.owners,  # type: ignore[arg-type]

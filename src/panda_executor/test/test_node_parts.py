@@ -21,12 +21,15 @@ from tf2_msgs.msg import TFMessage
 
 from cliport_core.messages import pose_to_transform_msg, stamp_from_msg, stamp_to_msg
 from cliport_core.pose import Pose
+from cliport_interfaces.action import MoveHand, PickPlace
 from panda_executor import node as node_module
+from panda_executor import node_goals
 from panda_executor.camera_place import CameraPlace
 from panda_executor.gate import Gate
 from panda_executor.health import AgeLimits
 from panda_executor.joint_tracker import JointTracker
 from panda_executor.node import ExecutorNode
+from panda_executor.node_goals import GoalServers
 from panda_executor.owner_watch import OwnerWatch
 
 S = 1_000_000_000
@@ -64,7 +67,7 @@ class Bench:
         node._clouds, node._controllers = clouds, controllers
         node._limits = AgeLimits(0.5, 2.0, 0.25)
         node._calls = "calls"  # type: ignore[assignment]
-        node._session = SimpleNamespace(run=lambda handle, logger: f"result of {handle}")  # type: ignore[assignment]
+        node._session = "the session"  # type: ignore[assignment]
 
     def _subscribe(self, kind: Any, topic: str, callback: Any, qos: Any, **named: Any) -> None:
         self.subscriptions[topic] = callback, qos, named
@@ -102,24 +105,61 @@ def test_the_camera_is_found_also_after_a_transform_that_is_none(bench: Bench) -
     np.testing.assert_array_equal(bench.node._camera.position(), np.arange(3.0))
 
 
-def test_goals_go_through_the_gate(bench: Bench) -> None:
-    goal: Any = "goal"
-    assert bench.node._on_goal(goal) == GoalResponse.ACCEPT and bench.words == []
-    assert bench.node.gate.busy
-    assert bench.node._on_goal(goal) == GoalResponse.REJECT
-    assert bench.words == ["goal rejected: another goal is being executed"]
-    handle: Any = "the handle"
-    assert bench.node._execute(handle) == "result of the handle"  # type: ignore[comparison-overlap]
-    assert not bench.node.gate.busy, "no other goal would ever run"
+class Offered:
+    """The servers of goals over a session that is played."""
 
-    def fail(*_: Any) -> None:
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, bench: Bench) -> None:
+        self.servers: dict[str, tuple[Any, dict[str, Any]]] = {}
+        monkeypatch.setattr(node_goals, "ThreadedActionServer", self._serve)
+        self.end: Any = lambda: None
+        session: Any = SimpleNamespace(
+            run=lambda handle, logger: self.ran("pick and place", handle, logger),
+            move_hand=lambda handle, logger: self.ran("hand", handle, logger),
+        )
+        self.gate, group = bench.node.gate, "calls"
+        self.made = GoalServers(bench.node, session, self.gate, group)  # type: ignore[arg-type]
+        self.logger = bench.node.get_logger()
+
+    def _serve(self, node: Any, kind: Any, name: str, execute: Any, **named: Any) -> None:
+        self.servers[name] = execute, {"kind": kind, "node": node, **named}
+
+    def ran(self, what: str, handle: Any, logger: Any) -> str:
+        assert logger is self.logger
+        self.end()
+        return f"{what} of {handle}"
+
+
+def test_both_kinds_of_goals_are_served(monkeypatch: pytest.MonkeyPatch, bench: Bench) -> None:
+    offered = Offered(monkeypatch, bench)
+    kinds = {name: named["kind"] for name, (_, named) in offered.servers.items()}
+    assert kinds == {"/panda_executor/pick_place": PickPlace, "/panda_executor/move_hand": MoveHand}
+    for _, named in offered.servers.values():
+        assert named["node"] is bench.node and named["callback_group"] == "calls"
+        assert named["cancel_callback"]("any") == CancelResponse.ACCEPT
+    assert offered.servers["/panda_executor/pick_place"][0]("it") == "pick and place of it"
+    assert offered.servers["/panda_executor/move_hand"][0]("it") == "hand of it"
+
+
+@pytest.mark.parametrize("name", ["/panda_executor/pick_place", "/panda_executor/move_hand"])
+def test_goals_go_through_the_gate(name: str, monkeypatch: pytest.MonkeyPatch, bench: Bench) -> None:
+    offered = Offered(monkeypatch, bench)
+    execute, named = offered.servers[name]
+    others = [each["goal_callback"] for _, each in offered.servers.values()]
+    assert named["goal_callback"]("goal") == GoalResponse.ACCEPT and bench.words == []
+    assert offered.gate.busy
+    assert [other("goal") for other in others] == [GoalResponse.REJECT] * 2, "one gate for both"
+    assert bench.words == ["goal rejected: another goal is being executed"] * 2
+    execute("the handle")
+    assert not offered.gate.busy, "no other goal would ever run"
+
+    def fail() -> None:
         raise RuntimeError
 
-    bench.node._session.run = fail  # type: ignore[assignment,method-assign]
-    assert bench.node._on_goal(goal) == GoalResponse.ACCEPT
+    offered.end = fail
+    assert named["goal_callback"]("goal") == GoalResponse.ACCEPT
     with pytest.raises(RuntimeError):
-        bench.node._execute(handle)
-    assert not bench.node.gate.busy
+        execute("the handle")
+    assert not offered.gate.busy
 
 
 @pytest.mark.parametrize(
@@ -175,7 +215,7 @@ def test_what_is_offered_and_how_often(bench: Bench, monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(node_module, "Surroundings", lambda *given: made.setdefault("surroundings", given))
     monkeypatch.setattr(node_module, "PersonServices", lambda *given: made.setdefault("services", given))
     monkeypatch.setattr(node_module, "Heartbeat", lambda beat, is_alive: made.setdefault("beat", (beat, is_alive)))
-    monkeypatch.setattr(node_module, "ThreadedActionServer", lambda *given, **named: made.update(action=(given, named)))
+    monkeypatch.setattr(node_module, "GoalServers", lambda *given: made.setdefault("goals", given))
     node._runner = SimpleNamespace(planner="the planner")  # type: ignore[assignment]
     node._approvals = "approvals"  # type: ignore[assignment]
     node._settings = SimpleNamespace(robot=SimpleNamespace(base_frame="base"))  # type: ignore[assignment]
@@ -193,10 +233,7 @@ def test_what_is_offered_and_how_often(bench: Bench, monkeypatch: pytest.MonkeyP
     beat, is_alive = made["beat"]
     beat()
     assert [type(message).__name__ for message in bench.published] == ["Empty"] and is_alive == "alive"
-    positional, named = made["action"]
-    assert positional[0] is node and positional[2:] == ("/panda_executor/pick_place", node._execute)
-    assert named["callback_group"] == "calls" and named["goal_callback"] == node._on_goal
-    assert named["cancel_callback"]("any") == CancelResponse.ACCEPT
+    assert made["goals"] == (node, node._session, node.gate, "calls")
 
 
 @pytest.mark.parametrize(("ends", "waits"), [(0.0, 0.2), (1.0, 1.2), (99.0, 3.2)])

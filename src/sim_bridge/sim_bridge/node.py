@@ -51,7 +51,12 @@ class SimNode(Node):  # type: ignore[misc]
         found = load_camera(parameters.camera_mounting)
         camera = SimCamera(
             CameraConfig(
-                found.intrinsics, found.camera_in_base, noise, n_threads=parameters.render_threads, reuse_still=True
+                found.intrinsics,
+                found.camera_in_base,
+                noise,
+                n_threads=parameters.render_threads,
+                held_board=parameters.board,
+                reuse_still=True,
             )
         )
         self.loop = SimLoop(

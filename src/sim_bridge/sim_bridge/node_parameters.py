@@ -10,6 +10,8 @@ from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.node import Node
 
 from cliport_core import topics
+from cliport_perception.calibration.board import Board, parse_board
+from cliport_perception.errors import CalibrationError
 from panda_model import DEFAULT_PRESET, ArmModel, load_preset
 from sim_bridge.errors import SimBridgeError
 from sim_bridge.rendering.sensor_noise import NoiseConfig, SensorKind
@@ -28,7 +30,9 @@ class SimParameters:
     `heartbeat_timeout` is wall time. `render_threads` 0 uses every core. `robot` is a preset of panda_model: its names
     and limits; an empty `base_frame`, `arm_action` or `gripper_action` is the preset's. `camera_mounting` is the path
     of a YAML file that says where the camera stands; empty for the shipped one. `camera_kind` is a SensorKind: the
-    defaults of what `noise.<name>` sets.
+    defaults of what `noise.<name>` sets. `publish_camera_pose`: whether /tf_static says where the camera stands; where
+    not, somebody else has to, as with a real one. `held_board`: the form, as in `calibrate --board`, of a calibration
+    board that is fixed to the hand; empty for none.
     """
 
     task: str = "put-blocks-in-bowls-seen-colors"
@@ -50,6 +54,8 @@ class SimParameters:
     camera_mounting: str = ""
     camera_kind: str = SensorKind.PLAIN.value
     camera_frame: str = "camera_color_optical_frame"
+    publish_camera_pose: bool = True
+    held_board: str = ""
     arm_action: str = ""
     gripper_action: str = ""
     heartbeat_topic: str = topics.HEARTBEAT
@@ -77,6 +83,14 @@ class SimParameters:
     def arm(self) -> ArmModel:
         """The preset of the arm that is stood in for. Raises PresetError when it is unknown."""
         return load_preset(self.robot)
+
+    @property
+    def board(self) -> Board | None:
+        """The board that is fixed to the hand. Raises ParameterError when `held_board` describes none."""
+        try:
+            return parse_board(self.held_board) if self.held_board else None
+        except CalibrationError as error:
+            raise ParameterError(f"parameter held_board: {error}") from None
 
 
 def declare_parameters(node: Node) -> tuple[SimParameters, NoiseConfig]:

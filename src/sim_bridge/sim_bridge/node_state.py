@@ -18,16 +18,17 @@ from sim_bridge.sim_loop import SimLoop
 
 
 class StatePublisher:
-    """/clock and /joint_states at their rates of simulated time, /tf_static once."""
+    """/clock and /joint_states at their rates of simulated time, /tf_static once where that is wanted."""
 
     def __init__(self, node: Node, loop: SimLoop, camera: SimCamera, parameters: SimParameters) -> None:
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self._names = parameters.arm.joints
         self._clock = node.create_publisher(Clock, topics.CLOCK, 10)
         self._joints = node.create_publisher(JointState, topics.JOINT_STATES, 10)
-        self._transforms = node.create_publisher(TFMessage, topics.TF_STATIC, latched)
-        camera_in_base = transform_to_msg(camera.camera_in_base, parameters.base_frame, parameters.camera_frame, 0.0)
-        self._transforms.publish(TFMessage(transforms=[camera_in_base]))
+        if parameters.publish_camera_pose:
+            self._transforms = node.create_publisher(TFMessage, topics.TF_STATIC, latched)
+            place = transform_to_msg(camera.camera_in_base, parameters.base_frame, parameters.camera_frame, 0.0)
+            self._transforms.publish(TFMessage(transforms=[place]))
         loop.every(1.0 / parameters.clock_rate, self._publish_clock)
         loop.every(1.0 / parameters.joint_state_rate, self._publish_joints)
 

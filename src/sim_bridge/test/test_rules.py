@@ -276,6 +276,7 @@ def test_the_nodes_parameters_and_their_limits() -> None:
         "heartbeat_timeout": 0.5, "franka_quirks": True, "grasp_epsilon_inner": 0.08, "grasp_epsilon_outer": 0.08,
         "trajectory_log": "", "render_threads": 0, "robot": "panda", "base_frame": "panda_link0",
         "camera_mounting": "", "camera_kind": "plain", "camera_frame": "camera_color_optical_frame",
+        "publish_camera_pose": True, "held_board": "",
         "arm_action": "/panda_arm_controller/follow_joint_trajectory",
         "gripper_action": "/panda_gripper/gripper_action", "heartbeat_topic": values["heartbeat_topic"],
     }  # fmt: skip

@@ -161,6 +161,11 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--base-frame", default="", help="the arm's; that of the robot's preset")
     parser.add_argument("--gripper-frame", default="", help="in which the board is held; the preset's tcp")
     parser.add_argument("--camera-frame", default="camera_color_optical_frame", help="of --static; else the picture's")
+    parser.add_argument("--move", action="store_true", help="let the executor move the hand from pose to pose: docs")
+    parser.add_argument("--first", type=_finite, nargs=6, metavar=("X", "Y", "Z", "ROLL", "PITCH", "YAW"))
+    parser.add_argument(
+        "--carried", type=_finite, metavar="M", help="of --move: from the fingertips to the board's end"
+    )
     ways = parser.add_mutually_exclusive_group()
     ways.add_argument("--print-board", type=Path, metavar="PDF", help="write the board at true scale, and end")
     ways.add_argument("--simulate", type=int, metavar="N", help="calibrate N random set-ups with a hidden truth")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from datetime import datetime
 from typing import NamedTuple, Protocol
@@ -14,7 +14,7 @@ from cliport_core.pose import Pose
 from cliport_perception.calibration.board import Board
 from cliport_perception.calibration.calibration_file import CalibrationRecord, Method, record_of
 from cliport_perception.calibration.collector import SampleCollector
-from cliport_perception.calibration.detection import BoardDetector, Refusal
+from cliport_perception.calibration.detection import BoardDetector, Fault, Refusal
 from cliport_perception.calibration.eye_on_base import solve_eye_on_base
 from cliport_perception.calibration.initial_guess import guess_placement
 from cliport_perception.calibration.known_board import solve_known_board
@@ -58,10 +58,21 @@ class Procedure(Protocol):
 
 
 class EyeOnBaseProcedure:
-    """The gripper carries the board about; poses that are still missing are proposed in words."""
+    """The gripper carries the board about; poses that are still missing are proposed in words.
 
-    def __init__(self, board: Board, camera: CameraModel, count: int, rng: np.random.Generator, voice: Voice) -> None:
-        self._board, self._camera = board, camera
+    advises: whether somebody moves it who needs those words, and those of what moves.
+    """
+
+    def __init__(
+        self,
+        board: Board,
+        camera: CameraModel,
+        count: int,
+        rng: np.random.Generator,
+        voice: Voice,
+        advises: bool = True,
+    ) -> None:
+        self._board, self._camera, self._advises = board, camera, advises
         self._count = count
         self._rng = rng
         self._say, self._complain = voice
@@ -75,10 +86,12 @@ class EyeOnBaseProcedure:
         """Take a sample, or say why not."""
         got = self._collector.on_picture(stamp_ns, picture)
         if isinstance(got, Refusal):
-            self._complain(got.words)
+            if self._advises or got.fault is not Fault.MOVING:
+                self._complain(got.words)
             return
         number = len(self._collector.samples)
-        self._say(f"sample {number} of {self._count}: {got.view.rms_px:.2f} px; {self._advice()}")
+        words = f"; {self._advice()}" if self._advises else ""
+        self._say(f"sample {number} of {self._count}: {got.view.rms_px:.2f} px{words}")
 
     @property
     def is_complete(self) -> bool:
@@ -103,16 +116,31 @@ class EyeOnBaseProcedure:
         self._count = len(self._collector.samples) + _MORE
         return _MORE
 
-    def _advice(self) -> str:
+    @property
+    def sample_count(self) -> int:
+        """The number of samples taken so far."""
+        return len(self._collector.samples)
+
+    def propose(self, tried: Sequence[Pose] = ()) -> Pose | None:
+        """Return the pose of the gripper that would add most, or None while it is not known where the gripper is.
+
+        tried: poses that were tried, beside those of the samples.
+        """
         samples, current = self._collector.samples, self._collector.gripper_in_base
-        if self.is_complete or current is None:
-            return "solving"
-        candidates = candidate_poses(samples[0].gripper_in_base)
+        if current is None:
+            return None
+        taken = [*(sample.gripper_in_base for sample in samples), *tried]
+        candidates = candidate_poses(taken[0] if taken else current)
         if len(samples) >= _GUESS_FROM:
             with suppress(CalibrationError):  # these samples say nothing yet; the last word is the solver's
                 placement, _ = guess_placement(samples, self._rng)
                 candidates = in_view(candidates, placement, self._board, self._camera) or candidates
-        wanted = next_pose(candidates, [sample.gripper_in_base for sample in samples], self._rng)
+        return next_pose(candidates, taken, self._rng)
+
+    def _advice(self) -> str:
+        current, wanted = self._collector.gripper_in_base, self.propose()
+        if self.is_complete or current is None or wanted is None:
+            return "solving"
         return describe_move(current, wanted)
 
 

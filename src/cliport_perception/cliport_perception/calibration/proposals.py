@@ -96,3 +96,10 @@ def describe_move(current: Pose, wanted: Pose) -> str:
         if abs(turn[axis]) >= 2.0:
             parts.append(f"{turn[axis]:+.0f} degrees about the hand's {name}")
     return "move " + ", ".join(parts) if parts else "stay where you are"
+
+
+def describe_pose(pose: Pose) -> str:
+    """Return a pose of the gripper in the base frame in words."""
+    x, y, z = pose.translation
+    roll, pitch, yaw = Rotation.from_matrix(pose.rotation).as_euler("xyz")
+    return f"({x:.3f}, {y:.3f}, {z:.3f}) m, roll, pitch, yaw ({roll:.2f}, {pitch:.2f}, {yaw:.2f}) rad"

@@ -24,6 +24,7 @@ from cliport_perception.calibration.calibration_file import CalibrationRecord, M
 from cliport_perception.calibration.gripper_feed import GripperFeed, Link
 from cliport_perception.calibration.known_board import board_from_touches
 from cliport_perception.calibration.procedures import EyeOnBaseProcedure, KnownBoardProcedure, Procedure, Voice
+from cliport_perception.calibration.ros_moving import check_moving, moving
 from cliport_perception.calibration.ros_session import ros_session
 from cliport_perception.calibration.sample import MotionLimits
 from cliport_perception.calibration.saving import DEFAULT_OUT, check_writable, say_saved
@@ -128,13 +129,18 @@ def run_live(board: Board, options: argparse.Namespace, ros_args: list[str]) -> 
     if not is_frame_name(base):
         raise CalibrationError(f"--base-frame is {base!r}: give a frame's name, one word")
     _check_count(options)
+    check_moving(options)
     check_writable(out)
     voice = _voice()
     start = _start(board, options, voice)
     with ros_session(ros_args) as executor:
         node = LiveCalibration(start, (base, gripper), voice.complain)
         executor.add_node(node)
-        record = _solved(node, executor, base, voice)
+        if options.move:
+            with moving(node, lambda: node.procedure, base, board, options, voice) as step:
+                record = _solved(node, executor, base, voice, step)
+        else:
+            record = _solved(node, executor, base, voice)
     return say_saved(out, record)
 
 
@@ -145,11 +151,21 @@ def _check_count(options: argparse.Namespace) -> None:
         raise CalibrationError(f"--samples must be {least} or more, got {options.samples}")
 
 
-def _solved(node: LiveCalibration, executor: SingleThreadedExecutor, base: str, voice: Voice) -> CalibrationRecord:
-    """Return the calibration; where more samples can mend a refusal, they are taken. Raises CalibrationError."""
+def _solved(
+    node: LiveCalibration,
+    executor: SingleThreadedExecutor,
+    base: str,
+    voice: Voice,
+    step: Callable[[], None] = lambda: None,
+) -> CalibrationRecord:
+    """Return the calibration; where more samples can mend a refusal, they are taken. Raises CalibrationError.
+
+    step: called all the time while samples are taken.
+    """
     while True:
         while node.procedure is None or not node.procedure.is_complete:
             executor.spin_once(timeout_sec=0.1)
+            step()
         try:
             return node.procedure.solve((base, node.camera_frame), datetime.now(timezone.utc))
         except CalibrationError as error:
@@ -180,5 +196,5 @@ def _start(board: Board, options: argparse.Namespace, voice: Voice) -> Start:
         place, method = board_from_touches(board, np.reshape(options.touched, (3, 3))), Method.TOUCHED_POINTS
     else:
         rng = np.random.default_rng(options.seed)
-        return lambda camera: EyeOnBaseProcedure(board, camera, options.samples, rng, voice)
+        return lambda camera: EyeOnBaseProcedure(board, camera, options.samples, rng, voice, not options.move)
     return lambda camera: KnownBoardProcedure(board, place, camera, options.samples, method, voice)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -33,6 +34,18 @@ class PictureConfig:
     background: float = 110.0
 
 
+class Covered(NamedTuple):
+    """A board's paper in a part of a picture, rows and columns, by pixel (h, w).
+
+    share: that the paper covers; ink: the grey that it adds there, of 255; depth: along z [m].
+    """
+
+    part: tuple[slice, slice]
+    share: FloatArray
+    ink: FloatArray
+    depth: FloatArray
+
+
 class SyntheticCamera:
     """Draws one board as one camera sees it. scale: of the print over the board's nominal size."""
 
@@ -49,13 +62,18 @@ class SyntheticCamera:
         height, width = self.camera.height, self.camera.width
         image = np.full((height, width), self.config.background, dtype=np.float32)
         image += cv2.resize(rng.normal(0.0, 25.0, (9, 16)).astype(np.float32), (width, height))
-        part = self._window(board_in_camera)
-        if part is not None:
-            image[part] = self._drawn(board_in_camera, part, image[part])
+        covered = self.cover(board_in_camera)
+        if covered is not None:
+            image[covered.part] = image[covered.part] * (1.0 - covered.share) + covered.ink
         if self.config.blur_px > 0.0:
             image = cv2.GaussianBlur(image, (0, 0), self.config.blur_px)
         image += rng.normal(0.0, self.config.grain, image.shape)
         return np.clip(np.rint(image), 0, 255).astype(np.uint8)
+
+    def cover(self, board_in_camera: Pose) -> Covered | None:
+        """Return where the paper lies in the picture, at a pose in the optical frame; None where none of it does."""
+        part = self._window(board_in_camera)
+        return None if part is None else self._drawn(board_in_camera, part)
 
     @cached_property
     def _paper(self) -> npt.NDArray[np.float32]:
@@ -77,7 +95,7 @@ class SyntheticCamera:
         bottom, right = min(bottom, self.camera.height), min(right, self.camera.width)
         return (slice(top, bottom), slice(left, right)) if bottom > top and right > left else None
 
-    def _drawn(self, pose: Pose, part: tuple[slice, slice], behind: npt.NDArray[np.float32]) -> FloatArray:
+    def _drawn(self, pose: Pose, part: tuple[slice, slice]) -> Covered:
         rows, cols = part
         h, w = rows.stop - rows.start, cols.stop - cols.start
         offset = (np.arange(_FINE) + 0.5) / _FINE - 0.5
@@ -91,7 +109,8 @@ class SyntheticCamera:
         margin = round(self.config.margin * _PRINT)
         x, y = (points[..., i].astype(np.float32) * np.float32(_PRINT) + margin - 0.5 for i in (0, 1))
         fine = cv2.remap(self._paper, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=-1.0)
-        behind = np.repeat(np.repeat(behind, _FINE, axis=0), _FINE, axis=1)
-        fine = np.where(fine < self.config.black - 1.0, behind, fine)
-        result: FloatArray = fine.reshape(h, _FINE, w, _FINE).mean(axis=(1, 3))
-        return result
+        is_paper = fine >= self.config.black - 1.0
+        share = is_paper.reshape(h, _FINE, w, _FINE).mean(axis=(1, 3))
+        ink = np.where(is_paper, fine, 0.0).reshape(h, _FINE, w, _FINE).mean(axis=(1, 3))
+        middle = depth[_FINE // 2 :: _FINE, _FINE // 2 :: _FINE]
+        return Covered(part, share, ink, middle)

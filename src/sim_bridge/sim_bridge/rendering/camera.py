@@ -9,13 +9,16 @@ import numpy.typing as npt
 
 from cliport_core import Pose
 from cliport_perception import CameraModel
+from cliport_perception.calibration.board import Board
 from sim_bridge.rendering.appearance import Appearance
 from sim_bridge.rendering.clean_frame import CleanFrame
+from sim_bridge.rendering.held_board import HeldBoard
 from sim_bridge.rendering.image_window import ImageWindow
 from sim_bridge.rendering.mounting import load_camera, load_mounting
 from sim_bridge.rendering.renderer import Renderer
 from sim_bridge.rendering.sensor_noise import NoiseConfig, with_noise
 from sim_bridge.rendering.visible import Visible
+from sim_bridge.robot import HAND, ROBOT
 
 OPTICAL_FRAME = "camera_color_optical_frame"
 _STILL_TOLERANCE = 2e-4  # a pose's numbers [m, or of a rotation matrix] change less than this while nothing moves
@@ -36,6 +39,7 @@ class CameraConfig:
     appearance: Appearance = field(default_factory=Appearance)
     window: ImageWindow | None = None  # the part that is rendered, the rest stays empty; None: all
     n_threads: int = 0  # 0: every core
+    held_board: Board | None = None  # fixed to the hand, to calibrate with
     reuse_still: bool = False  # render again only when something has moved; the noise is fresh all the same
 
 
@@ -55,6 +59,8 @@ class SimCamera:
         self.config = config or CameraConfig()
         self._window = self.config.window or ImageWindow.whole(self.config.intrinsics)
         self._renderer = Renderer(self.config.intrinsics, self._window, self.config.n_threads)
+        board = self.config.held_board
+        self._held = HeldBoard(board, HAND, self.config.intrinsics, self._window) if board is not None else None
         self._last: tuple[object, npt.NDArray[np.float64], CleanFrame] | None = None
 
     @property
@@ -84,11 +90,17 @@ class SimCamera:
 
     def _clean(self, world: Visible, camera_in_base: Pose, appearance: Appearance) -> CleanFrame:
         if not self.config.reuse_still:
-            return self._renderer.render(world, camera_in_base, appearance)
+            return self._render(world, camera_in_base, appearance)
         what, where = _scene_fingerprint(world, camera_in_base, appearance)
         if self._last is None or self._last[0] != what or np.abs(self._last[1] - where).max() > _STILL_TOLERANCE:
-            self._last = what, where, self._renderer.render(world, camera_in_base, appearance)
+            self._last = what, where, self._render(world, camera_in_base, appearance)
         return self._last[2]
+
+    def _render(self, world: Visible, camera_in_base: Pose, appearance: Appearance) -> CleanFrame:
+        frame = self._renderer.render(world, camera_in_base, appearance)
+        if self._held is None:
+            return frame
+        return self._held.over(frame, world.panda.link_pose(world.panda.link_indices[ROBOT.hand_frame]), camera_in_base)
 
     def _in_full_frame(
         self, color: npt.NDArray[np.uint8], depth: npt.NDArray[np.float32]

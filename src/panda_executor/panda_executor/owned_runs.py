@@ -1,0 +1,131 @@
+"""The run of an accepted goal: under its owner's signs of life, shown and approved, brought to the handle's end."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any, Protocol
+
+from cliport_core import topics
+from cliport_core.outcome import ActionResult, Outcome, Refusal
+from panda_executor.approvals import Approvals
+from panda_executor.errors import RequestError
+from panda_executor.gate import Gate
+from panda_executor.motions import Motion
+from panda_executor.owner_watch import OwnerWatch
+from panda_executor.phase import Phase
+from panda_executor.ports import ShouldStop
+
+Publish = Callable[[Phase, float, str], None]  # a phase, the progress 0..1, the plan's id
+
+
+class GoalHandle(Protocol):
+    """The handle of an accepted goal, as an action's server has it."""
+
+    @property
+    def request(self) -> Any:
+        """The goal's message."""
+
+    @property
+    def is_cancel_requested(self) -> bool:
+        """True once its client wants it to end."""
+
+    def succeed(self) -> None:
+        """End it well."""
+
+    def abort(self) -> None:
+        """End it otherwise."""
+
+    def canceled(self) -> None:
+        """End it as its client asked for."""
+
+
+class GoalFeedback:
+    """Feedback to a goal's client: phases, with the id of the plan once there is one.
+
+    Args:
+        publish: to the client; on_phase: told of each phase, too.
+        waits: whether the plan waits for its approval.
+    """
+
+    def __init__(
+        self,
+        publish: Publish,
+        approvals: Approvals,
+        waits: bool,
+        should_stop: ShouldStop,
+        on_phase: Callable[[Phase], None] = lambda phase: None,
+    ) -> None:
+        self._publish, self._approvals, self._waits, self._should_stop = publish, approvals, waits, should_stop
+        self._on_phase = on_phase
+        self._plan_id = ""
+
+    def on_phase(self, phase: Phase, progress: float) -> None:
+        """Tell of a phase and the progress 0..1."""
+        self._on_phase(phase)
+        self._publish(phase, progress, self._plan_id)
+
+    def on_plan(self, motions: Sequence[Motion]) -> bool:
+        """Show a plan; return once it may be executed, True where it waited for that. Raises RequestError."""
+        self._plan_id = self._approvals.present(motions)
+        if self._waits:
+            self._approvals.offer(self._plan_id)
+            self.on_phase(Phase.APPROVAL, Phase.APPROVAL.progress())
+            self._approvals.wait(self._plan_id, self._should_stop)
+        return self._waits
+
+
+class OwnedRuns:
+    """Runs accepted goals, one at a time.
+
+    Args:
+        require_owner: whether goals that move the arm must name one.
+    """
+
+    def __init__(self, gate: Gate, owners: OwnerWatch, require_owner: bool) -> None:
+        self._gate, self._owners, self._require_owner = gate, owners, require_owner
+
+    def run(self, handle: GoalHandle, logger: Any, act: Callable[[ShouldStop], ActionResult]) -> ActionResult:
+        """Return how `act` ended, once the handle is in its final state. act: polls what it is given all the time."""
+        began = time.monotonic()
+        owner = str(handle.request.owner)
+        self._owners.begin(owner)
+
+        def should_stop() -> bool:
+            return self._gate.stopped or bool(handle.is_cancel_requested) or self._owners.is_silent(owner)
+
+        try:
+            result = act(should_stop)
+        except RequestError as error:
+            result = ActionResult(
+                Outcome.REJECTED,
+                str(error),
+                refusal=error.refusal,
+                refusal_value=error.value,
+                refusal_limit=error.limit,
+            )
+        except Exception as error:  # the goal must end whatever happens, with a line that names the fault
+            logger.error(f"unexpected {type(error).__name__}: {error}")
+            result = ActionResult(Outcome.EXECUTION_FAILED, f"internal error: {type(error).__name__}: {error}")
+        if result.outcome is Outcome.CANCELLED and self._owners.is_silent(owner):
+            words = f"the goal's owner gave no sign of life for {self._owners.longest:g} s: {result.message}"
+            result = replace(result, message=words, refusal=Refusal.OWNER_SILENT, refusal_limit=self._owners.longest)
+        took = time.monotonic() - began
+        logger.info(f"{result.outcome.name} after {took:.1f} s: {result.message}")
+        if result.outcome.is_success:
+            handle.succeed()
+        elif result.outcome is Outcome.CANCELLED and handle.is_cancel_requested:
+            handle.canceled()
+        else:
+            handle.abort()
+        return result
+
+    def check(self, owner: str, plan_only: bool) -> None:
+        """Check that a goal that moves the arm names its owner. Raises RequestError."""
+        if self._require_owner and not owner and not plan_only:
+            raise RequestError(
+                "the goal names no owner: its motion would go on if whoever asked for it died; name one and give its "
+                f"signs of life on {topics.OWNER_HEARTBEAT}, or start the executor with require_owner:=false",
+                Refusal.NO_OWNER,
+            )
