@@ -42,6 +42,7 @@ def graph_in(folder: Path, **arguments: str) -> Iterator[Running]:
             probe.wait_ready(90.0, lambda: graph.alive)
         except Exception as error:
             raise AssertionError(f"{error}\n{graph.log_tail(40)}") from error
+        assert graph.healthy, graph.log_tail(40)
         yield graph, probe, log
         assert "Traceback" not in graph.log_text(), graph.log_tail(60)
     assert graph.pids() == []

@@ -51,9 +51,11 @@ class RgbdInput:
         on_message: Callable[[str], None] = lambda stream: None,
         slop_s: float = SLOP_S,
         compressed: bool = False,
+        number: int = 1,
     ) -> None:
         """Subscribe to the camera's topics; compressed: to those that image_transport puts below them.
 
+        number: of the camera, from 1.
         on_fault: told why a match cannot be used, in one line; CoreError raised by on_frame ends there too.
         on_message: called with the stream's name, color, depth or camera_info, at every message.
         """
@@ -65,7 +67,7 @@ class RgbdInput:
             stream: AdaptiveSubscription(
                 node,
                 CameraInfo if stream == "camera_info" else CompressedImage if compressed else Image,
-                topic + (_COMPRESSED[stream] if compressed else ""),
+                topics.of_camera(topic, number) + (_COMPRESSED[stream] if compressed else ""),
                 self._take_info if stream == "camera_info" else partial(self._take_image, stream),
                 raw=True,
             )

@@ -58,6 +58,11 @@ SIM_RESET = "/sim_bridge/reset"
 SIM_SCORE = "/sim_bridge/score"
 
 
+def of_camera(topic: str, number: int) -> str:
+    """Return the name of a camera's topic for one of several cameras, from 1: /camera2/... for the second."""
+    return topic if number == 1 else topic.replace("/camera/", f"/camera{number}/", 1)
+
+
 def trajectory_action(controller: str) -> str:
     """Return the FollowJointTrajectory action's name of an arm controller, as ros2_control forms it."""
     return f"/{controller}/follow_joint_trajectory"

@@ -21,10 +21,14 @@ from cliport_perception.temporal_filter import TemporalFilter
 
 
 class FrameProducts(NamedTuple):
-    """The heightmap of a frame, and its cloud: the buffer of `CloudBuilder`, or None when none is due."""
+    """The heightmap of a frame, and its cloud: the buffer of `CloudBuilder`, or None when none is due.
+
+    cloud_stamp_ns: when what the cloud shows was seen [ns].
+    """
 
     heightmap: Heightmap
     cloud: array[int] | None
+    cloud_stamp_ns: int = 0
 
 
 class FrameProcessor:
@@ -89,7 +93,7 @@ class FrameProcessor:
             self._points_rate.note(stamp_ns)
         self._heightmap_rate.note(stamp_ns)
         self._health.on_served()
-        return FrameProducts(heightmap, cloud)
+        return FrameProducts(heightmap, cloud, stamp_ns)
 
     def _builders_for(self, camera: CameraModel, pose: Pose) -> tuple[HeightmapBuilder, CloudBuilder]:
         current = self._builders

@@ -25,6 +25,8 @@ from cliport_core.topics import CAMERA_INFO, COLOR, DEPTH
 from cliport_interfaces.msg import Heightmap as HeightmapMsg
 from cliport_perception import conversions
 from cliport_perception.clouds import MARGIN
+from cliport_perception.errors import PerceptionError
+from cliport_perception.heightmap_builder import heightmap_from_rgbd
 from cliport_perception.node import PerceptionNode, main
 
 FRAME = "camera_color_optical_frame"
@@ -33,10 +35,10 @@ FRAME = "camera_color_optical_frame"
 class FakeCamera:
     """Publishes frames as a driver does, and keeps what perception answers."""
 
-    def __init__(self, scene) -> None:
+    def __init__(self, scene, *parameters: Parameter) -> None:
         self.scene = scene
         self.node = rclpy.create_node("fake_camera")
-        self.perception = PerceptionNode()
+        self.perception = PerceptionNode(parameter_overrides=list(parameters))
         self.executor = SingleThreadedExecutor()
         self.executor.add_node(self.node)
         self.executor.add_node(self.perception)
@@ -212,7 +214,7 @@ def test_a_parameter_that_cannot_work_ends_in_one_line(parameter: str, capsys: p
 def test_the_camera_is_heard_as_reliably_as_it_speaks(fake: FakeCamera) -> None:
     fake.publish_tf()
     assert fake.until(lambda: bool(fake.heightmaps))
-    inputs = fake.perception._camera.subscriptions
+    inputs = fake.perception._cameras[0]._input.subscriptions
     assert not any(subscription.is_reliable for subscription in inputs.values())
     for name in ("color", "depth", "info"):
         old = getattr(fake, name)
@@ -221,3 +223,52 @@ def test_the_camera_is_heard_as_reliably_as_it_speaks(fake: FakeCamera) -> None:
     assert fake.until(lambda: all(subscription.is_reliable for subscription in inputs.values()))
     fake.heightmaps.clear()
     assert fake.until(lambda: bool(fake.heightmaps))
+
+
+def test_two_cameras_are_joined_and_one_that_falls_silent_is_named(ros: None, box_scene) -> None:
+    fake = FakeCamera(box_scene, Parameter("cameras", value=2))
+    second = {
+        topic: fake.node.create_publisher(kind, topic.replace("/camera/", "/camera2/"), qos_profile_sensor_data)
+        for topic, kind in ((CAMERA_INFO, CameraInfo), (COLOR, Image), (DEPTH, Image))
+    }
+    first, speaks = (fake.info, fake.color, fake.depth), True
+    names: list[str] = []
+    fake.node.create_subscription(DiagnosticArray, "/diagnostics", lambda m: names.append(m.status[0].name), 10)
+
+    left, right = box_scene.depth.copy(), box_scene.depth.copy()
+    left[:, 480:], right[:, :480] = np.nan, np.nan
+
+    def both(**_: object) -> None:
+        if speaks:
+            fake.info, fake.color, fake.depth = second[CAMERA_INFO], second[COLOR], second[DEPTH]
+            FakeCamera.publish(fake, depth=right)
+        fake.info, fake.color, fake.depth = first
+        FakeCamera.publish(fake, depth=left)
+
+    fake.publish = both  # type: ignore[assignment]
+    fake.publish_tf()
+    try:
+        assert fake.until(lambda: bool(fake.heightmaps and fake.clouds))
+        heightmap = messages.heightmap_from_msg(fake.heightmaps[-1])
+        alone = heightmap_from_rgbd(
+            box_scene.color, left, box_scene.camera, box_scene.camera_in_base, heightmap.workspace
+        )
+        assert heightmap.valid_fraction > alone.valid_fraction + 0.3
+        points = conversions.cloud_points_from_msg(fake.clouds[-1])
+        assert min(np.sum(points[:, 1] > 0.05), np.sum(points[:, 1] < -0.05)) > 50_000
+        assert fake.until(lambda: "cliport_perception: camera 2" in names and "cliport_perception: camera" in names)
+        speaks = False
+        assert fake.until(fake.reported(2, "camera 2's newest view is"))
+        served = len(fake.heightmaps)
+        assert fake.until(fake.reported(3, "newest camera frame is"))
+        assert len(fake.heightmaps) == served, "what camera 2 alone sees would be missing"
+    finally:
+        fake.executor.shutdown()
+        fake.node.destroy_node()
+        fake.perception.destroy_node()
+
+
+@pytest.mark.parametrize("count", [0, 10])
+def test_an_impossible_number_of_cameras_is_refused(ros: None, count: int) -> None:
+    with pytest.raises(PerceptionError, match=f"parameter cameras must be 1 to 9, got {count}"):
+        PerceptionNode(parameter_overrides=[Parameter("cameras", value=count)])
