@@ -14,6 +14,7 @@ from cliport_core.heightmap import Heightmap
 from cliport_core.pose import Pose
 from cliport_core.workspace import WorkspaceSpec
 from cliport_perception.camera_model import CameraModel
+from cliport_perception.scratch import Scratch
 
 FloatImage: TypeAlias = npt.NDArray[np.float32]
 
@@ -56,6 +57,7 @@ class HeightmapBuilder:
         origin = np.array([workspace.x_min, workspace.y_min, workspace.z_min])
         self._slope = roi_rays / scale.astype(np.float32)[:, None, None]
         self._offset = ((camera_in_base.translation - origin) / scale).astype(np.float32)
+        self._scratch = Scratch()
         self._height_steps = (workspace.z_max - workspace.z_min) / _HEIGHT_STEP
 
     def build(self, color: npt.NDArray[np.uint8], depth_m: FloatImage, stamp_ns: int = 0) -> Heightmap:
@@ -73,13 +75,12 @@ class HeightmapBuilder:
             with np.errstate(invalid="ignore"):
                 self._splat(depth, keys)
         seen = keys >= 0
-        height: FloatImage = np.zeros(rows * cols, dtype=np.float32)
-        flat_color: npt.NDArray[np.uint8] = np.zeros((rows * cols, 3), dtype=np.uint8)
-        cells = np.flatnonzero(seen)
-        won = keys.take(cells)
-        height[cells] = (won >> _INDEX_BITS) * _HEIGHT_STEP + self.workspace.z_min
-        pixels = self._pixels.take(won & ((1 << _INDEX_BITS) - 1))
-        flat_color[cells] = color.reshape(-1, 3).take(pixels, axis=0)
+        unseen = np.flatnonzero(~seen)
+        keys[unseen] = 0
+        height = ((keys >> _INDEX_BITS) * _HEIGHT_STEP + self.workspace.z_min).astype(np.float32)
+        pixels = self._pixels.take(keys & ((1 << _INDEX_BITS) - 1)) if self._pixels.size else keys
+        flat_color = color.reshape(-1, 3).take(pixels, axis=0)  # of all cells: rows are read fast, and written slowly
+        height[unseen], flat_color[unseen] = 0.0, 0
         return Heightmap(
             flat_color.reshape(rows, cols, 3),
             height.reshape(rows, cols),
@@ -90,15 +91,16 @@ class HeightmapBuilder:
 
     def _splat(self, depth: FloatImage, keys: npt.NDArray[np.int64]) -> None:
         """Raise keys (rows * cols,) to `height << 32 | pixel` of the highest sample in each cell."""
-        grid = depth * self._slope + self._offset[:, None, None]  # (3, h, w)
+        grid = np.multiply(depth, self._slope, out=self._scratch.array("grid", self._slope.shape, np.float32))
+        grid += self._offset[:, None, None]  # (3, h, w)
         down, right, patch = _same_surfaces(depth, self.max_depth_step)
         n_down, n_right = self._splits
         for j in range(n_right):
             b = j / n_right
-            beside = _blend(grid, b, axis=2) if j else grid
+            beside = self._blend(grid, b, 2, "beside") if j else grid
             for i in range(n_down):
                 a = i / n_down
-                samples = _blend(beside, a, axis=1) if i else beside
+                samples = self._blend(beside, a, 1, "samples") if i else beside
                 joined = (None if j == 0 else right) if i == 0 else down if j == 0 else patch
                 nearest = int(a >= 0.5) * depth.shape[1] + int(b >= 0.5)
                 self._raise_cells(samples, joined, nearest, keys)
@@ -118,6 +120,9 @@ class HeightmapBuilder:
         cell = row.ravel().take(index).astype(np.int32) * cols + column.ravel().take(index).astype(np.int32)
         key = ((height.ravel().take(index) + 0.5).astype(np.int64) << _INDEX_BITS) | (index + nearest)
         np.maximum.at(keys, cell, key)
+
+    def _blend(self, planes: FloatImage, share: float, axis: int, name: str) -> FloatImage:
+        return _blend(planes, share, axis, self._scratch.array(name, planes.shape, np.float32))
 
     def _check_sizes(self, color: npt.NDArray[np.uint8], depth_m: FloatImage) -> None:
         size = (self.camera.height, self.camera.width)
@@ -170,9 +175,8 @@ def _same_surfaces(depth: FloatImage, max_step: float) -> tuple[npt.NDArray[np.b
     return down, right, patch
 
 
-def _blend(planes: FloatImage, share: float, axis: int) -> FloatImage:
-    """Return planes (3, h, w) that lie `share` of the way to the next pixel along `axis`; NaN at its end."""
-    blended: FloatImage = np.empty_like(planes)
+def _blend(planes: FloatImage, share: float, axis: int, blended: FloatImage) -> FloatImage:
+    """Return, in `blended`, planes (3, h, w) `share` of the way to the next pixel along `axis`; NaN at its end."""
     if axis == 1:
         first, second, inner, end = planes[:, :-1], planes[:, 1:], blended[:, :-1], blended[:, -1]
     else:
