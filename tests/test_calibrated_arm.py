@@ -9,6 +9,7 @@ import json
 import os
 import subprocess
 import time
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -91,13 +92,14 @@ def test_an_arm_that_calibrated_its_camera_works_as_with_the_true_pose(tmp_path:
     file = calibrated(tmp_path, camera)
     record = load_calibration(file)
     mm, deg = pose_difference(record.camera.camera_in_base, load_mounting(camera))
+    assert record.uncertainty is not None
     exact, own = scores(tmp_path, camera, "exact"), scores(tmp_path, camera, str(file))
     row = {
         "number": number,
         "mm": mm,
         "deg": deg,
         "samples": record.samples,
-        "claimed": record.uncertainty,
+        "claimed": asdict(record.uncertainty),
         "exact": exact,
         "calibrated": own,
     }

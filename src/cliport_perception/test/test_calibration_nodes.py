@@ -196,7 +196,7 @@ def test_pictures_over_ros_become_a_calibration(ros: Node, board_in_hand) -> Non
     def blind() -> None:
         info.publish(CameraInfo(width=960, height=540))  # as a driver without a calibration has it
 
-    assert until([ros, node], lambda: any("camera_info cannot be used" in words for words in said), blind)
+    assert until([ros, node], lambda: any("camera_info holds no K" in words for words in said), blind)
     assert node.procedure is None
 
     def show(frame: str = FRAME) -> None:

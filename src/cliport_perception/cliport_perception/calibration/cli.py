@@ -21,6 +21,7 @@ from cliport_perception.calibration.calibration_file import (
     write_kept,
 )
 from cliport_perception.calibration.easy_handeye import EasyHandeye, read_easy_handeye, write_easy_handeye
+from cliport_perception.calibration.lens_simulation import simulate_lenses
 from cliport_perception.calibration.saving import DEFAULT_OUT, say_saved
 from cliport_perception.calibration.simulation import SimulationConfig, simulate
 from cliport_perception.camera_file import CameraCalibration
@@ -41,6 +42,10 @@ def main(arguments: list[str] | None = None) -> int:
             return _print_board(board, options)
         if options.simulate is not None:
             return _simulate(board, options)
+        if options.simulate_lens is not None:
+            return _simulate_lens(board, options)
+        if options.find_intrinsics is not None:
+            return _lens(board, options, ros)
         if options.static is not None or options.from_easy_handeye is not None:
             return _static(options)
         if options.to_easy_handeye is not None:
@@ -78,6 +83,16 @@ def _simulate(board: Board, options: argparse.Namespace) -> int:
     if options.out is not None:
         write_kept(options.out, json.dumps(result, indent=2) + "\n")
     print(json.dumps({key: value for key, value in result.items() if key not in ("runs", "config")}))
+    return 0
+
+
+def _simulate_lens(board: Board, options: argparse.Namespace) -> int:
+    if options.simulate_lens < 1:
+        raise CalibrationError("--simulate-lens must be 1 or more")
+    result = simulate_lenses(options.simulate_lens, options.seed, board, lambda row: print(json.dumps(row), flush=True))
+    if options.out is not None:
+        write_kept(options.out, json.dumps(result, indent=2) + "\n")
+    print(json.dumps({key: value for key, value in result.items() if key != "runs"}))
     return 0
 
 
@@ -134,6 +149,13 @@ def _verify(board: Board, options: argparse.Namespace, ros: list[str]) -> int:
     return run_verify(board, options, ros)
 
 
+def _lens(board: Board, options: argparse.Namespace, ros: list[str]) -> int:
+    from cliport_perception.calibration.ros_lens import run_lens  # needs ROS, which the other ways do not
+    from cliport_perception.calibration.ros_session import screen_voice
+
+    return run_lens(board, options, ros, screen_voice())
+
+
 def _live(board: Board, options: argparse.Namespace, ros: list[str]) -> int:
     from cliport_perception.calibration.ros_live import run_live  # needs ROS, which the other ways do not
 
@@ -175,6 +197,9 @@ def _parser() -> argparse.ArgumentParser:
     ways.add_argument("--board-at", type=_finite, nargs=6, metavar=("X", "Y", "Z", "ROLL", "PITCH", "YAW"))
     ways.add_argument("--touched", type=_finite, nargs=9, metavar="M", help="x, y, z of the tip at three corners: docs")
     ways.add_argument("--verify", type=Path, metavar="PNG", help="draw the model over what is seen, with numbers")
+    ways.add_argument("--find-intrinsics", type=Path, metavar="FILE", help="calibrate the lens: a camera_info file")
+    ways.add_argument("--simulate-lens", type=int, metavar="N", help="calibrate N random lenses with a hidden truth")
+    parser.add_argument("--camera-info", type=Path, metavar="FILE", help="the lens, where camera_info lacks it")
     parser.add_argument("--workspace", metavar="FILE", help="of --verify: your workspace's YAML")
     parser.add_argument("--calibration", type=Path, default=DEFAULT_OUT, help="the one to verify or convert")
     parser.add_argument("--paper", default="A4", help="of --print-board: A4, A3 or letter")

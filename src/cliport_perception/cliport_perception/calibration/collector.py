@@ -80,7 +80,7 @@ class SampleCollector:
         before, self._last = self._last, (stamp_ns, view)
         if before is None:
             return Refusal(Fault.MOVING, "the board is seen: hold still for one more picture")
-        moved = _shift_px(before[1], view)
+        moved = shift_px(before[1], view)
         if moved > self._config.steady_px:
             words = f"the board moved by {moved:.1f} px between two pictures: hold camera and board still"
             return Refusal(Fault.MOVING, words)
@@ -119,7 +119,7 @@ class SampleCollector:
         return False
 
 
-def _shift_px(first: BoardView, second: BoardView) -> float:
+def shift_px(first: BoardView, second: BoardView) -> float:
     """Return how far the corners that both views have moved, in the median [px]."""
     known = {tuple(point): pixel for point, pixel in zip(first.points.round(6), first.pixels)}
     shifts: Sequence[float] = [

@@ -18,14 +18,14 @@ from cliport_core import messages, topics
 from cliport_core.adaptive_subscription import AdaptiveSubscription
 from cliport_core.errors import CoreError
 from cliport_core.pose import Pose
-from cliport_core.throttle import MessageThrottle
 from cliport_perception.calibration.board import Board
 from cliport_perception.calibration.calibration_file import CalibrationRecord, Method, is_frame_name
 from cliport_perception.calibration.gripper_feed import GripperFeed, Link
 from cliport_perception.calibration.known_board import board_from_touches
+from cliport_perception.calibration.lens_file import read_lens
 from cliport_perception.calibration.procedures import EyeOnBaseProcedure, KnownBoardProcedure, Procedure, Voice
 from cliport_perception.calibration.ros_moving import check_moving, moving
-from cliport_perception.calibration.ros_session import ros_session
+from cliport_perception.calibration.ros_session import ros_session, screen_voice
 from cliport_perception.calibration.sample import MotionLimits
 from cliport_perception.calibration.saving import DEFAULT_OUT, check_writable, say_saved
 from cliport_perception.camera_model import CameraModel
@@ -33,7 +33,6 @@ from cliport_perception.conversions import camera_from_msg
 from cliport_perception.errors import CalibrationError
 from panda_model.preset_files import load_preset
 
-_SAY_AGAIN_S = 5.0
 _SILENT_S = 5.0
 
 Start = Callable[[CameraModel], Procedure]
@@ -42,16 +41,19 @@ Start = Callable[[CameraModel], Procedure]
 class LiveCalibration(Node):
     """Feeds a procedure, which begins once camera_info has said what the camera is."""
 
-    def __init__(self, start: Start, frames: tuple[str, str], complain: Callable[[str], None]) -> None:
-        """Subscribe. frames: the base's and the gripper's."""
+    def __init__(
+        self, start: Start, frames: tuple[str, str], complain: Callable[[str], None], lens: CameraModel | None = None
+    ) -> None:
+        """Subscribe. frames: the base's and the gripper's; lens: in place of what camera_info says."""
         super().__init__("calibrate")
         self._start = start
         self._complain = complain
         self._feed = GripperFeed(*frames)
         self._seen: set[str] = set()
         self._rectified = bool(self.declare_parameter("rectified", False).value)
-        self.procedure: Procedure | None = None
-        self.camera: CameraModel | None = None
+        self._lens_given = lens is not None
+        self.camera: CameraModel | None = lens
+        self.procedure: Procedure | None = None if lens is None else start(lens)
         self.camera_frame = ""
         latched = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self.create_subscription(TFMessage, topics.TF_STATIC, self._on_static, latched)
@@ -66,12 +68,20 @@ class LiveCalibration(Node):
     def _adapt(self) -> None:
         for subscription in self._inputs:
             subscription.adapt()
-        missing = [s.topic_name for s in self._inputs if s.topic_name not in self._seen]
+        needed = self._inputs[1:] if self._lens_given else self._inputs
+        missing = [s.topic_name for s in needed if s.topic_name not in self._seen]
         if missing and time.monotonic() - self._began > _SILENT_S:
             self._complain(f"nothing received on {', '.join(missing)}: is the camera running, are the names remapped?")
 
     def _on_info(self, message: CameraInfo) -> None:
         self._seen.add(self._inputs[0].topic_name)
+        if self._lens_given:
+            return
+        if not any(message.k):
+            self._complain(
+                "camera_info holds no K: calibrate the lens with --find-intrinsics, and give the file as --camera-info"
+            )
+            return
         try:
             camera = camera_from_msg(message, self._rectified)
         except CoreError as error:
@@ -131,10 +141,11 @@ def run_live(board: Board, options: argparse.Namespace, ros_args: list[str]) -> 
     _check_count(options)
     check_moving(options)
     check_writable(out)
-    voice = _voice()
+    voice = screen_voice()
     start = _start(board, options, voice)
+    lens = None if options.camera_info is None else read_lens(options.camera_info)
     with ros_session(ros_args) as executor:
-        node = LiveCalibration(start, (base, gripper), voice.complain)
+        node = LiveCalibration(start, (base, gripper), voice.complain, lens)
         executor.add_node(node)
         if options.move:
             with moving(node, lambda: node.procedure, base, board, options, voice) as step:
@@ -173,20 +184,6 @@ def _solved(
             if not more:
                 raise
             voice.say(f"nothing is saved yet: {error}; {more} more samples follow, those taken are kept")
-
-
-def _voice() -> Voice:
-    """Return words to the screen; complaints that only repeat themselves come once in a while."""
-    throttle = MessageThrottle(_SAY_AGAIN_S)
-
-    def say(words: str) -> None:
-        print(words, flush=True)
-
-    def complain(words: str) -> None:
-        if throttle.passes(words, time.monotonic()):
-            say(words)
-
-    return Voice(say, complain)
 
 
 def _start(board: Board, options: argparse.Namespace, voice: Voice) -> Start:

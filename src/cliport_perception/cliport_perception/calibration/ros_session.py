@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -9,7 +10,25 @@ import rclpy
 from rclpy.exceptions import ParameterException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 
+from cliport_core.throttle import MessageThrottle
+from cliport_perception.calibration.procedures import Voice
 from cliport_perception.errors import CalibrationError
+
+_SAY_AGAIN_S = 5.0
+
+
+def screen_voice() -> Voice:
+    """Return words to the screen; complaints that only repeat themselves come once in a while."""
+    throttle = MessageThrottle(_SAY_AGAIN_S)
+
+    def say(words: str) -> None:
+        print(words, flush=True)
+
+    def complain(words: str) -> None:
+        if throttle.passes(words, time.monotonic()):
+            say(words)
+
+    return Voice(say, complain)
 
 
 @contextmanager
