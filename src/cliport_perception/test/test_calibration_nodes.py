@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -214,3 +217,18 @@ def test_pictures_over_ros_become_a_calibration(ros: Node, board_in_hand) -> Non
     mm, _ = pose_difference(found.camera.camera_in_base, world.placement.camera_in_base)
     assert found.uncertainty is not None and mm < found.uncertainty.mm
     node.destroy_node()
+
+
+def test_a_tied_calibration_ends_with_who_started_it(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "cliport_perception.calibration.cli", "--tied", "--out", str(tmp_path / "c.yaml")]
+    environment = {**os.environ, "ROS_DOMAIN_ID": str(next_domain())}
+    with subprocess.Popen(
+        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment
+    ) as process:
+        assert process.stdin is not None and process.stdout is not None and process.stderr is not None
+        assert process.stdout.readline().startswith("nothing received on"), "it runs"
+        assert process.poll() is None
+        process.stdin.close()
+        assert process.wait(30) == 130
+        assert process.stderr.read().strip() == "error: interrupted; nothing was written"
+    assert not list(tmp_path.iterdir())

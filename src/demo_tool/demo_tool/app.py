@@ -14,8 +14,10 @@ from cliport_core.command_line import CommandParser
 from cliport_core.errors import CoreError
 from cliport_core.ros_running import run_node
 from cliport_episodes.errors import EpisodesError
+from demo_tool.calibration_process import CalibrationProcess
 from demo_tool.errors import DemoToolError
 from demo_tool.lesson_process import LessonProcess
+from demo_tool.ports import Programs
 from demo_tool.ros_link import RosLink
 from demo_tool.station import Station
 from demo_tool.web.access import AccessError, AccessRule, token_from
@@ -49,7 +51,9 @@ def main(argv: list[str] | None = None) -> int:
 
     def make_node(fail: Callable[[BaseException], None]) -> RosLink:
         link = RosLink()
-        station = Station(link.config, link.arm, link.policy, root, scenes=link.scenes, lessons=lessons)
+        calibrations = CalibrationProcess(options.calibration, link.robot, argv[len(own) :])
+        programs = Programs(lessons, calibrations)
+        station = Station(link.config, link.arm, link.policy, root, scenes=link.scenes, programs=programs)
         link.attach(station)
         servers.append(WebServer(make_application(station, rule), listener, fail, tls))
         servers[0].start()
@@ -72,6 +76,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--port", type=int, default=8080, help="0 takes a free one")
     parser.add_argument("--data-sets", type=Path, default=Path("demonstrations"), help="folder of the data sets")
     parser.add_argument("--learned", type=Path, help="folder for policies that learn (default: learned, beside)")
+    parser.add_argument("--calibration", type=Path, default=Path("calibration/camera.yaml"), help="written by Camera")
     parser.add_argument("--token", help=argparse.SUPPRESS)
     parser.add_argument("--token-file", type=Path, help="holds what a browser must show once; made where there is none")
     parser.add_argument("--ask-token", action="store_true", help="ask a token on loopback too: others use this machine")

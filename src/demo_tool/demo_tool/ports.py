@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 from cliport_core.action import ActionGoal
 from cliport_core.outcome import ActionResult
@@ -79,6 +79,26 @@ class Lessons(Protocol):
 
     def close(self) -> None:
         """Stop, and wait for the end."""
+
+
+class Calibrations(Protocol):
+    """Interface of what calibrates the camera. Only `close` waits; the callbacks come from another thread."""
+
+    def begin(self, options: Sequence[str], on_line: OnLine, on_end: Callable[[int], None]) -> None:
+        """Calibrate with options of `calibrate`; on_end: told the exit status. Raises NotNowError."""
+
+    def stop(self) -> None:
+        """End it, with nothing saved."""
+
+    def close(self) -> None:
+        """Stop, and wait for the end."""
+
+
+class Programs(NamedTuple):
+    """The programs that the station runs: what learns, what calibrates."""
+
+    lessons: Lessons
+    calibrations: Calibrations
 
 
 class Policy(Protocol):

@@ -93,6 +93,7 @@ class RosCamera:
 
     def _on_frame(self, frame: RawFrame) -> None:
         color, depth = frame.color.data, frame.depth.data
+        self._station.on_picture(frame.stamp_ns, partial(color_from_raw, color))  # also while it is not calibrated
         messages = (
             RawMessage(topics.CAMERA_INFO, _CAMERA_INFO, *frame.camera_info),
             RawMessage(topics.COLOR, _IMAGE, *frame.color),

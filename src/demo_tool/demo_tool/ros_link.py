@@ -42,6 +42,7 @@ class RosLink(Node):
             raise StationError("the page records raw images: start it without compressed:=true")
         path = str(self.declare_parameter("workspace", "").value)
         arm = declare_robot(self)
+        self.robot = arm.name
         base_frame = declare_base_frame(self, arm)
         workspace = WorkspaceSpec.load(path) if path else WorkspaceSpec()
         self.config = StationConfig(workspace, base_frame, BoxConfig(hand=arm.hand), home=ready_pose(arm))

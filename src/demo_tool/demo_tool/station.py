@@ -12,6 +12,8 @@ from cliport_core.pose import PlanarPose
 from demo_tool.activity import Activity, StationHooks
 from demo_tool.arm_work import ArmWork
 from demo_tool.bulletin import Bulletin
+from demo_tool.calibrate_now import CalibrateNow
+from demo_tool.calibration_process import CalibrationProcess
 from demo_tool.camera_watch import CameraWatch
 from demo_tool.draft_desk import DraftDesk
 from demo_tool.errors import EXPECTED_ERRORS, StationError, UnknownCommandError
@@ -22,16 +24,17 @@ from demo_tool.live_view import ColorImage, LiveView
 from demo_tool.page_commands import Answer, Arguments, PageCommands
 from demo_tool.page_view import PageView
 from demo_tool.picture_feed import Picture, PictureFeed
-from demo_tool.ports import Arm, Lessons, Policy, Scenes
+from demo_tool.ports import Arm, Policy, Programs, Scenes
 from demo_tool.recording import Recorder
 from demo_tool.scene_change import SceneChange
 from demo_tool.station_config import StationConfig
 from demo_tool.teach_now import TeachNow
 from demo_tool.wording import policy_words
 from demo_tool.work import Job, WorkThread
+from panda_model.preset_files import DEFAULT_PRESET
 
 T = TypeVar("T")
-PICTURES = ("color", "heightmap", "pick_affordance", "place_affordance")
+PICTURES = ("color", "camera", "heightmap", "pick_affordance", "place_affordance")
 _JUDGE_PERIOD = 1.0  # between judgements of the draft on a newer picture, and announcements of ages [s]
 
 
@@ -41,8 +44,8 @@ class Station:
     Commands that draw, move and stop return at once, those that open and edit wait for the disk: `command` is to be
     called in a thread that may wait. Pictures are decoded in the thread that asks for them.
 
-    run: calls long work in another thread; clock: steady time [s]; scenes: of a simulator, where one may run; lessons:
-    what learns, by default a process that writes to `learned` beside data_sets_root.
+    run: calls long work in another thread; clock: steady time [s]; scenes: of a simulator, where one may run; programs:
+    by default processes that write to `learned` beside data_sets_root, and calibration/camera.yaml.
     """
 
     def __init__(
@@ -54,7 +57,7 @@ class Station:
         run: Callable[[Job], None] | None = None,
         clock: Callable[[], float] = time.monotonic,
         scenes: Scenes | None = None,
-        lessons: Lessons | None = None,
+        programs: Programs | None = None,
     ) -> None:
         self._clock = clock
         self._bulletin = Bulletin()
@@ -82,9 +85,13 @@ class Station:
             clock=clock,
         )
         self._scene = SceneChange(scenes, self._recorder, self._bulletin, self._on_new_scene)
-        lessons = lessons or LessonProcess(data_sets_root.parent / "learned")
-        self._teaching = TeachNow(lessons, policy, self._recorder, self._bulletin)
-        self._when_idle = {**self._page.when_idle, **self._scene.commands}
+        programs = programs or Programs(
+            LessonProcess(data_sets_root.parent / "learned"),
+            CalibrationProcess(Path("calibration/camera.yaml"), DEFAULT_PRESET),
+        )
+        self._teaching = TeachNow(programs.lessons, policy, self._recorder, self._bulletin)
+        self._calibrating = CalibrateNow(programs.calibrations, self._bulletin)
+        self._when_idle = {**self._page.when_idle, **self._scene.commands, **self._calibrating.when_idle}
         self._when_saved = self._page.when_saved | self._scene.commands.keys()
         self._page_view = PageView(
             config, self._bulletin, self._watch, self._desk, self._work, self._recorder, self._page, clock
@@ -102,6 +109,10 @@ class Station:
             self._watch.on_view(live, self._clock())
             self._now_ns = live.received_ns
         self._feeds["color"].put(live.stamp_ns, lambda: live.color)
+
+    def on_picture(self, stamp_ns: int, read: Callable[[], ColorImage]) -> None:
+        """Take a picture of a camera whose place need not be known; `read` decodes it, (H, W, 3) RGB."""
+        self._feeds["camera"].put(stamp_ns, read)
 
     def on_camera_fault(self, words: str) -> None:
         """Take the reason why the camera's pictures cannot be used."""
@@ -201,12 +212,19 @@ class Station:
         Raises:
             StationError: with one line for a person, when the command is refused; it has no effect then.
         """
-        known = {**self._page.always, **self._when_idle, **self._library.commands, **self._teaching.commands}
+        known = {
+            **self._page.always,
+            **self._when_idle,
+            **self._library.commands,
+            **self._teaching.commands,
+            **self._calibrating.always,
+        }
         try:
             if name not in known:
                 raise UnknownCommandError(name, known)
             if name in self._when_idle:
                 self._work.refuse_when_busy()
+                self._calibrating.refuse_when_running()
             if name in self._when_saved:
                 self._work.refuse_when_unsaved()
             answer = known[name](arguments)
@@ -224,13 +242,19 @@ class Station:
         """Return everything that the page shows, as plain values; holder: holder of the arm, passed through."""
         with self._bulletin.lock:
             values = self._page_view.values(holder, self._now_ns, self._policy_state, self._policy_words)
-            return {**values, "scenes": self._scene.is_offered, "lesson": self._teaching.lesson.shown()}
+            return {
+                **values,
+                "scenes": self._scene.is_offered,
+                "lesson": self._teaching.lesson.shown(),
+                "calibration": self._calibrating.calibration.shown(),
+            }
 
     def close(self) -> None:
         """Cancel the present goal, and leave the episode unfinished on the disk."""
         self._work.close()
         self._recorder.close()
         self._teaching.close()
+        self._calibrating.close()
 
     def _judge_draft(self) -> None:
         view = self._watch.view

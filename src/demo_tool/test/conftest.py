@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 from browser_user import chromium
-from station_fakes import BLOCKS, Block, FakeArm, FakeLessons, FakePolicy, FakeScenes, FakeTable
+from station_fakes import BLOCKS, Block, FakeArm, FakeCalibrations, FakeLessons, FakePolicy, FakeScenes, FakeTable
 from web_workplace import Workplace, workplace
 from workplace_user import Person
 
@@ -19,7 +19,7 @@ from cliport_core.pose import PlanarPose
 from cliport_episodes.data_set import DataSet
 from cliport_episodes.reader import Episode
 from demo_tool.errors import StationError
-from demo_tool.ports import OnEnd, OnPhase
+from demo_tool.ports import OnEnd, OnPhase, Programs
 from demo_tool.station import Station
 from demo_tool.station_config import StationConfig
 from demo_tool.web import arm_holder
@@ -50,14 +50,14 @@ class Bench:
         self.arm = arm or FakeArm()
         self.table = FakeTable(blocks=list(BLOCKS))
         self.policy = FakePolicy(PlanarPose(0.42, -0.12, 0.0), PlanarPose(0.50, -0.28, 0.0))
-        self.scenes, self.lessons = FakeScenes(), FakeLessons()
+        self.scenes, self.lessons, self.calibrations = FakeScenes(), FakeLessons(), FakeCalibrations()
         self.run: Callable[[Callable[[], None]], None] = lambda job: job()
         self.station = Station(
             *(config or StationConfig(), self.arm, self.policy, root),
             run=lambda job: self.run(job),
             clock=lambda: self.now,
             scenes=self.scenes,
-            lessons=self.lessons,
+            programs=Programs(self.lessons, self.calibrations),
         )
         self.policy.on_status = self.station.on_policy_status
         self.policy.on_pose = self.station.on_policy_pose

@@ -302,6 +302,26 @@ class FakeLessons:
         self.closed = True
 
 
+class FakeCalibrations:
+    """Calibrates only as a test says."""
+
+    def __init__(self) -> None:
+        self.begun: list[list[str]] = []
+        self.stops, self.closed, self.fault = 0, False, ""
+
+    def begin(self, options: Sequence[str], on_line: Callable[[str], None], on_end: Callable[[int], None]) -> None:
+        if self.fault:
+            raise NotNowError(self.fault)
+        self.begun.append(list(options))
+        self.on_line, self.on_end = on_line, on_end
+
+    def stop(self) -> None:
+        self.stops += 1
+
+    def close(self) -> None:
+        self.closed = True
+
+
 class FakeScenes:
     """A simulator that makes scenes at once, or says why it does not."""
 

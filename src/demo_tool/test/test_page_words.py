@@ -42,6 +42,7 @@ def test_the_view_before_anything_has_come(bench) -> None:
         "last": {"ok": True, "words": ""},
         "scenes": True,
         "lesson": {"state": "none", "data_set": "", "words": "", "share": None, "table": [], "policy": None},
+        "calibration": {"state": "none", "words": "", "lines": [], "share": 0.0},
     }
 
 
@@ -230,7 +231,7 @@ def test_the_policys_state_is_shown_with_its_message(bench, view_of_blocks) -> N
     assert bench.view["camera"]["age_ms"] == 0
     bench.station.tick(1_500_000_000)
     assert bench.view["camera"]["age_ms"] == 500
-    with pytest.raises(StationError, match=r"no command 'secret'; there are color, heightmap, pick_affordance, place_"):
+    with pytest.raises(StationError, match=r"no command 'secret'; there are color, camera, heightmap, pick_"):
         bench.station.picture("secret", 0, 0.0)
 
 

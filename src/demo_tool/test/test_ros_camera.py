@@ -18,6 +18,7 @@ from station_fakes import FakeTable
 from tf2_msgs.msg import TFMessage
 
 from cliport_core import messages as shared
+from cliport_core.errors import CoreError
 from cliport_core.heightmap import Heightmap
 from cliport_core.ros_rgbd import RawFrame, RawReceived
 from cliport_core.workspace import WorkspaceSpec
@@ -68,6 +69,21 @@ def test_rectified_pictures_have_no_distortion(tmp_path: Path, rectified: bool, 
     link.destroy_node()
     assert seen[0].camera.fx == pytest.approx(larger * view.camera.fx)
     assert seen[0].camera.is_distorted is not rectified
+
+
+def test_a_camera_whose_place_is_not_known_is_shown_to_be_calibrated(tmp_path: Path) -> None:
+    view = FakeTable().live_view(0)
+    messages = [
+        shared.image_to_msg(view.color, "rgb8"), shared.image_to_msg(view.depth_m, "32FC1"), camera_to_msg(view.camera)
+    ]  # fmt: skip
+    link, camera, station = attached(tmp_path)
+    frame = RawFrame(*(RawReceived(serialize_message(message), 1) for message in messages), 7, FRAME)
+    with pytest.raises(CoreError, match="no transform"):
+        camera._on_frame(frame)
+    link.destroy_node()
+    shown = station.picture("camera", 0, 0.0)
+    assert shown is not None and shown.stamp_ns == 7 and np.array_equal(shown.pixels, view.color)
+    assert station.picture("color", 0, 0.0) is None
 
 
 def test_a_link_without_a_station_ends_well() -> None:

@@ -109,7 +109,7 @@ def test_a_picture_that_cannot_be_decoded_is_said(place: Workplace) -> None:
     status, _, text = get(place, "/picture/place_affordance.jpg")
     assert status == 503 and b"bayer_rggb8" in text
     status, _, text = get(place, "/picture/none.jpg")
-    assert status == 404 and b"color, heightmap, pick_affordance, place_affordance" in text
+    assert status == 404 and b"color, camera, heightmap, pick_affordance, place_affordance" in text
 
 
 @pytest.mark.parametrize("query", ["after=-1", "after=x", "width=99999", "level=9", "took=1e9", "after=" + "9" * 40])

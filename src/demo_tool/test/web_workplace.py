@@ -9,9 +9,10 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from station_fakes import BLOCKS, FakeArm, FakeLessons, FakePolicy, FakeTable
+from station_fakes import BLOCKS, FakeArm, FakeCalibrations, FakeLessons, FakePolicy, FakeTable
 
 from cliport_core.pose import PlanarPose
+from demo_tool.ports import Programs
 from demo_tool.station import Station
 from demo_tool.station_config import StationConfig
 from demo_tool.web.access import AccessRule
@@ -31,6 +32,7 @@ class Workplace:
     arm: FakeArm
     policy: FakePolicy
     lessons: FakeLessons
+    calibrations: FakeCalibrations
     root: Path
     rule: AccessRule
     port: int = 0
@@ -89,10 +91,11 @@ def workplace(
     table = FakeTable()
     arm = FakeArm(pace, on_success=lambda goal: table.move(goal.action.pick, goal.action.place))
     policy = FakePolicy(PlanarPose(0.5, 0.12, 0.5), PlanarPose(0.38, 0.02, 1.0))
-    lessons = FakeLessons()
-    station = Station(StationConfig(), arm, policy, root, lessons=lessons)
+    lessons, calibrations = FakeLessons(), FakeCalibrations()
+    station = Station(StationConfig(), arm, policy, root, programs=Programs(lessons, calibrations))
     policy.on_status, policy.on_pose = station.on_policy_status, station.on_policy_pose
-    place = Workplace(station, table, arm, policy, lessons, root, AccessRule.for_address(host, token), tls=tls)
+    rule = AccessRule.for_address(host, token)
+    place = Workplace(station, table, arm, policy, lessons, calibrations, root, rule, tls=tls)
     ended = threading.Event()
     camera = threading.Thread(target=_film, args=(place, ended), daemon=True)
     camera.start()
@@ -118,5 +121,6 @@ def _film(place: Workplace, ended: threading.Event) -> None:
         now = time.time_ns()
         if view is None or seen != list(place.table.blocks):
             seen, view = list(place.table.blocks), place.table.live_view(now)
+        place.station.on_picture(now, lambda color=view.color: color)  # type: ignore[misc]
         place.station.on_camera(replace(view, stamp_ns=now, received_ns=now))
         place.station.tick(now)

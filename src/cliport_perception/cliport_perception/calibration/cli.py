@@ -158,7 +158,10 @@ def _lens(board: Board, options: argparse.Namespace, ros: list[str]) -> int:
 
 def _live(board: Board, options: argparse.Namespace, ros: list[str]) -> int:
     from cliport_perception.calibration.ros_live import run_live  # needs ROS, which the other ways do not
+    from cliport_perception.calibration.ros_session import end_with_input
 
+    if options.tied:
+        end_with_input()
     return run_live(board, options, ros)
 
 
@@ -183,6 +186,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--base-frame", default="", help="the arm's; that of the robot's preset")
     parser.add_argument("--gripper-frame", default="", help="in which the board is held; the preset's tcp")
     parser.add_argument("--camera-frame", default="camera_color_optical_frame", help="of --static; else the picture's")
+    parser.add_argument("--tied", action="store_true", help="end with standard input: for a program that runs this")
     parser.add_argument("--move", action="store_true", help="let the executor move the hand from pose to pose: docs")
     parser.add_argument("--first", type=_finite, nargs=6, metavar=("X", "Y", "Z", "ROLL", "PITCH", "YAW"))
     parser.add_argument(
@@ -207,3 +211,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--outliers", type=_finite, default=0.0, help="of --simulate: share of samples grossly wrong")
     parser.add_argument("--print-scale", type=_finite, default=1.0, help="of --simulate: size of the print; 1")
     return parser
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import os
+import signal
+import sys
+import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 
 import rclpy
 from rclpy.exceptions import ParameterException
@@ -29,6 +33,18 @@ def screen_voice() -> Voice:
             say(words)
 
     return Voice(say, complain)
+
+
+def end_with_input() -> None:
+    """Interrupt this process once its standard input has ended: whoever started it is gone."""
+
+    def wait() -> None:
+        with suppress(OSError):
+            while os.read(sys.stdin.fileno(), 4096):
+                pass
+        os.kill(os.getpid(), signal.SIGINT)
+
+    threading.Thread(target=wait, name="tied", daemon=True).start()
 
 
 @contextmanager

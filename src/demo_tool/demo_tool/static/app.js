@@ -1,6 +1,7 @@
 // The page: joins the connection, the picture, the panel and the episodes.
 
 import { ApprovalBar } from "./approval.js";
+import { CalibrationCard } from "./calibration.js";
 import { Connection } from "./connection.js";
 import { CoveredPlaces } from "./covered.js";
 import { BUSY } from "./end_cards.js";
@@ -47,6 +48,7 @@ const call = (command, ...args) => connection.call(command, ...args);
 const stage = new Stage(byId("overlay", SVGSVGElement), (end, drawn) => call(end, drawn).catch(tell));
 const panel = new Panel(call, stage);
 const episodes = new Episodes(call);
+const calibration = new CalibrationCard(call, tell);
 const covered = new CoveredPlaces();
 const approvalBar = new ApprovalBar((plan) => call("approve", { plan }).catch(tell));
 
@@ -93,6 +95,7 @@ function show(view) {
   panel.show(view, connection.open);
   covered.show(view.covered, view.camera);
   episodes.show(view, connection.open);
+  calibration.show(view, connection.open);
 }
 
 connection.onView = show;
@@ -136,20 +139,21 @@ for (const choice of buttons("#side-choice button")) {
 
 // parts of the page
 
-/** @param {"record" | "episodes"} part */
+const PARTS = /** @type {const} */ (["record", "episodes", "camera"]);
+
+/** @param {typeof PARTS[number]} part */
 function open(part) {
-  byId("record").hidden = part !== "record";
-  byId("episodes").hidden = part !== "episodes";
-  for (const name of ["record", "episodes"]) {
+  for (const name of PARTS) {
+    byId(name).hidden = part !== name;
     byId(`tab-${name}`).setAttribute("aria-current", name === part ? "page" : "false");
   }
   live.show(part === "record" ? "color" : "");
   side.show(part === "record" ? chosenSide : "");
+  calibration.open(part === "camera");
   if (part === "episodes") episodes.refresh();
 }
 
-byId("tab-record").addEventListener("click", () => open("record"));
-byId("tab-episodes").addEventListener("click", () => open("episodes"));
+for (const part of PARTS) byId(`tab-${part}`).addEventListener("click", () => open(part));
 byId("resume").addEventListener("click", () => call("resume").catch(tell));
 byId("take-over").addEventListener("click", () => call("take_over").catch(tell));
 byId("give-up").addEventListener("click", () => call("give_up").catch(tell));

@@ -106,6 +106,14 @@ export interface Camera {
   fps: number;
 }
 
+/** A calibration of the camera; share: of its samples that are taken. */
+export interface Calibration {
+  state: "none" | "running" | "stopped" | "failed" | "done";
+  words: string;
+  lines: string[];
+  share: number;
+}
+
 /** Everything that the page shows. The first message has all of it, the later ones have what changed. */
 export interface View {
   state: State;
@@ -134,6 +142,7 @@ export interface View {
   data_sets: string[];
   policy: PolicyView;
   lesson: Lesson;
+  calibration: Calibration;
   camera: Camera;
   last: { ok: boolean; words: string };
   holder: "me" | "other" | null;
@@ -213,6 +222,8 @@ export interface Commands {
   teach: {};
   stop_teaching: {};
   use_learned: {};
+  calibrate: { board: string; move: boolean; first: string };
+  stop_calibrating: {};
   propose: { text: string };
   correct: {};
   episodes: {};
