@@ -17,7 +17,15 @@ from cliport_perception.calibration.sample import Sample
 from cliport_perception.calibration.view import fit_view
 
 # the logic is tested without any build; these need the built messages
-NEED_MESSAGES = ["test_conversions.py", "test_node.py", "test_calibration_nodes.py", "test_drivers.py"]
+NEED_MESSAGES = [
+    "test_calibration_lens_nodes.py",
+    "test_calibration_moves.py",
+    "test_calibration_nodes.py",
+    "test_conversions.py",
+    "test_drivers.py",
+    "test_node.py",
+    "test_verify_nodes.py",
+]
 collect_ignore = [] if find_spec("cliport_interfaces") else NEED_MESSAGES
 
 

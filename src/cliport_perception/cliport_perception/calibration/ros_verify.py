@@ -20,6 +20,7 @@ from cliport_core.transforms import TransformTree
 from cliport_core.workspace import WorkspaceSpec
 from cliport_perception.calibration.board import Board
 from cliport_perception.calibration.calibration_file import load_calibration
+from cliport_perception.calibration.depth_check import check_depth
 from cliport_perception.calibration.detection import BoardDetector
 from cliport_perception.calibration.ros_session import ros_session
 from cliport_perception.calibration.verification import Frame, draw, tip_of, verify
@@ -74,12 +75,16 @@ def run_verify(board: Board, options: argparse.Namespace, ros_args: list[str]) -
     look = BoardDetector(board, record.camera.intrinsics).look(color)
     frame = Frame(color, depth, tip_of(gripper), look if isinstance(look, BoardView) else None)
     found = verify(frame, record.camera, workspace, board)
+    checked = None
+    if found.plane is not None:
+        checked = check_depth(depth, frame.board, record.camera, workspace, found.plane)
+    depth_words = ["depth: too little of the table is seen"] if checked is None else checked.in_words(record.base_frame)
     picture = encode_png(draw(found, frame, record.camera, board))
     try:
         options.verify.write_bytes(picture)
     except OSError as error:
         raise CalibrationError(f"cannot write {options.verify}: {error.strerror}") from None
-    print("\n".join([*found.in_words(), str(options.verify)]))
+    print("\n".join([*found.in_words(), *depth_words, str(options.verify)]))
     return 0
 
 
