@@ -79,9 +79,10 @@ class CloudBuilder:
         x, y, z = (plane.view("<i4") for plane in planes)
         pixels = cv2.merge([x, y, z, bgra], self._scratch.array("pixels", (*self._size, 4), np.int32))
         # One item a point, picked as a whole and by number: much faster than number by number, or by a mask.
-        kept = pixels.view(_POINT).ravel().take(np.flatnonzero(inside))
-        buffer = array("B")
-        buffer.frombytes(kept.view(np.uint8).data)
+        kept = np.flatnonzero(inside)
+        buffer = array("B", [0]) * (POINT_STEP * len(kept))
+        if len(kept):  # straight into the buffer; the numbers are in range, and "raise" would copy
+            pixels.view(_POINT).ravel().take(kept, out=np.frombuffer(buffer, _POINT), mode="clip")
         return buffer
 
     @property

@@ -65,6 +65,10 @@ def test_errors_are_within_the_deviations_that_are_claimed(table_scene, seed: in
     assert abs(found.scale.value - 1.012) < 3.0 * found.scale.sigma < 0.02
     assert abs(found.offset.value + 0.006) < 3.0 * found.offset.sigma < 0.01
     assert abs(found.mended.value) < 3.0 * found.mended.sigma < 0.02
+    alone = check(table_scene, depth, None)
+    assert alone is not None and alone.scale is not None
+    assert abs(alone.scale.value - 1.012) < 3.0 * alone.scale.sigma < 0.02
+    assert abs(alone.offset.value + 0.006) < 3.0 * alone.offset.sigma < 0.01
 
 
 def test_a_board_tells_a_table_that_is_elsewhere_from_a_scale(table_scene) -> None:
@@ -85,6 +89,13 @@ def test_a_camera_that_looks_straight_down_tells_an_offset_only(cast_scene, came
     assert found is not None and found.scale is None
     assert abs(found.offset.value - 0.007) < max(3.0 * found.offset.sigma, 2e-4)
     assert "too little to tell a scale from an offset" in found.in_words("panda_link0")[0]
+    lying = Pose.from_xyz_rpy((0.35, -0.2, 0.0), (np.pi, 0.0, 0.3))
+    pixels = camera.project((down.inverse() @ lying).apply(CORNERS))
+    depth = measured(scene, 1.0, 0.007, np.random.default_rng(0))
+    with_board = check(scene, depth, fit_view(CORNERS, pixels, camera))
+    assert with_board is not None and with_board.scale is None and with_board.mended is not None
+    assert abs(with_board.offset.value - 0.007) < 3.0 * with_board.offset.sigma < 0.01
+    assert abs(with_board.mended.value) < 3.0 * with_board.mended.sigma < 0.01
 
 
 def test_the_executors_parameter_is_named() -> None:
