@@ -68,12 +68,12 @@ def test_what_keeps_a_sample_from_being_taken_is_said(board_in_hand) -> None:
     collector = SampleCollector(detector)  # type: ignore[arg-type]
     start = board_in_hand.start
 
-    def words(time_s: float) -> str:
+    def words(time_s: float, fault: Fault = Fault.MOVING) -> str:
         got = collector.on_picture(round(time_s * S), PICTURE)
-        assert isinstance(got, Refusal) and got.fault is Fault.MOVING
+        assert isinstance(got, Refusal) and got.fault is fault
         return got.words
 
-    assert "no transform joins the gripper to the base" in words(1.0)
+    assert "no transform joins the gripper to the base" in words(1.0, Fault.NO_ARM)
     collector.on_gripper(round(1.0 * S), start)
     assert "too short a time" in words(1.0)
     end = stand(collector, start, 1.0)
@@ -81,7 +81,7 @@ def test_what_keeps_a_sample_from_being_taken_is_said(board_in_hand) -> None:
         shifted = Pose(start.rotation, start.translation + np.array([0.001 * i, 0.0, 0.0]))
         collector.on_gripper(round((end + 0.02 * i) * S), shifted)
     assert "the arm moves" in words(end + 0.38)
-    assert "60.0 s older than the picture: do camera and arm have one clock" in words(end + 60.38)
+    assert "60.0 s older than the picture: do camera and arm have one clock" in words(end + 60.38, Fault.NO_ARM)
     stand(collector, start, 500.0)
     assert "one more picture" in words(501.0)
     detector.gripper = start @ Pose.from_xyz_rpy((0.01, 0.0, 0.0), (0.0, 0.0, 0.0))
@@ -224,3 +224,24 @@ def test_an_old_calibration_is_worth_a_warning(tmp_path: Path) -> None:
         CalibrationWatch(tmp_path / "none.yaml", 30.0, lambda: NOW)
     with pytest.raises(CalibrationError, match="max_age_days must be positive"):
         CalibrationWatch(path, float("nan"), lambda: NOW)
+
+
+def test_who_moves_the_hand_by_itself_is_not_told_how(board_in_hand) -> None:
+    said, complaints = list[str](), list[str]()
+    voice = Voice(said.append, complaints.append)
+    board, camera = board_in_hand.board, board_in_hand.camera
+    procedure = EyeOnBaseProcedure(board, camera, 12, np.random.default_rng(0), voice, advises=False)
+    procedure._collector._detector = SeenBoard(board_in_hand)  # type: ignore[assignment]
+    assert procedure.propose() is None, "it is not known where the gripper is"
+    procedure.on_picture(S, PICTURE)
+    assert len(complaints) == 1 and "no transform joins the gripper" in complaints[0]
+    for time_s in np.arange(10.0, 11.0, 0.02):
+        procedure.on_gripper(round(time_s * S), board_in_hand.start)
+    for time_s in (11.0, 11.02, 11.04):
+        procedure.on_picture(round(time_s * S), PICTURE)
+    assert len(complaints) == 1, "one more picture, and a pose that is taken, concern nobody"
+    assert procedure.sample_count == 1
+    assert [line.split(";") for line in said] == [[said[0]]] and said[0].startswith("sample 1 of 12: ")
+    first, second = procedure.propose(), procedure.propose([board_in_hand.start])
+    assert first is not None and second is not None
+    assert pose_difference(first, board_in_hand.start)[0] > 30.0

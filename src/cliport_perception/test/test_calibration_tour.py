@@ -91,11 +91,13 @@ def test_without_a_first_pose_it_looks_from_where_the_hand_is(hand: Hand) -> Non
     assert len(hand.targets) == 1
 
 
-def test_nothing_moves_while_nothing_is_proposed(hand: Hand) -> None:
-    tour = Tour(lambda tried: None, hand, hand.words.append)
-    for now in (0.0, 7.0, 8.0):
-        tour.tick(now, 0)
-    assert hand.targets == []
+def test_nothing_moves_while_it_is_not_known_where_the_gripper_is(hand: Hand) -> None:
+    tour = Tour(lambda tried: None, hand, hand.words.append, config=TourConfig(most_fruitless=2))
+    run(tour, 0.1, 1000)
+    assert hand.targets == [] and set(hand.words) == {
+        "where the gripper is is not known: does /tf join it to the base, and do transforms come?"
+    }
+    assert 18 <= len(hand.words) <= 20, "each five seconds, and it never gives up"
 
 
 @pytest.mark.parametrize("refusal", [NO_WAY, TOO_FAR])

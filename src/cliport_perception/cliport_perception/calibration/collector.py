@@ -92,13 +92,13 @@ class SampleCollector:
         config = self._config
         if not self._poses:
             words = "no transform joins the gripper to the base on /tf: is the arm's driver running?"
-            return Refusal(Fault.MOVING, words)
+            return Refusal(Fault.NO_ARM, words)
         apart_s = (stamp_ns - self._poses[-1][0]) / _S
         if abs(apart_s) > config.max_clock_s:
             words = (
                 f"the newest pose of the gripper is {abs(apart_s):.1f} s {'older' if apart_s > 0 else 'newer'} than the"
             )
-            return Refusal(Fault.MOVING, f"{words} picture: do camera and arm have one clock, and do both still come?")
+            return Refusal(Fault.NO_ARM, f"{words} picture: do camera and arm have one clock, and do both still come?")
         since = min(stamp_ns, self._poses[-1][0]) - round(config.still_s * _S)
         recent = [pose for stamp, pose in self._poses if stamp >= since]
         reach_s = (self._poses[-1][0] - self._poses[0][0]) / _S

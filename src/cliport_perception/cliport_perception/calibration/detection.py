@@ -35,6 +35,7 @@ class Fault(Enum):
     BLURRED = "blurred"
     INCONSISTENT = "inconsistent"
     MOVING = "moving"
+    NO_ARM = "no arm"
 
 
 class Refusal(NamedTuple):

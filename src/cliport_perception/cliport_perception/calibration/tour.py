@@ -75,12 +75,12 @@ class Tour:
                 self._judge(end, now)
         elif samples > self._samples:
             self._samples, self._fruitless = samples, 0
-            self._go()
+            self._go(now)
         elif self._until is None:
             self._begin(now)
         elif now > self._until:
             self._note_fruitless()
-            self._go()
+            self._go(now)
 
     def _begin(self, now: float) -> None:
         """Go to the first pose, or look from where the hand is."""
@@ -88,10 +88,14 @@ class Tour:
         if self._first is not None:
             self._go_to(self._first)
 
-    def _go(self) -> None:
+    def _go(self, now: float) -> None:
         target = self._propose(self._tried)
         if target is not None:
             self._go_to(target)
+            return
+        self._fruitless -= 1
+        self._until = now + self._config.again_s
+        self._complain("where the gripper is is not known: does /tf join it to the base, and do transforms come?")
 
     def _go_to(self, target: Pose) -> None:
         self._tried.append(target)
