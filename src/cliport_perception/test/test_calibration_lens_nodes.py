@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import re
-import time
 from argparse import Namespace
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import rclpy
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
 from ros_domain import next_domain
+from ros_until import until
 from sensor_msgs.msg import CameraInfo, Image
 
 from cliport_core import messages, topics
@@ -68,20 +67,6 @@ def ros() -> Iterator[Node]:
     yield node
     node.destroy_node()
     rclpy.try_shutdown()
-
-
-def until(nodes: list[Node], condition: Callable[[], bool], act: Callable[[], None] = lambda: None) -> bool:
-    executor = SingleThreadedExecutor()
-    for node in nodes:
-        executor.add_node(node)
-    end, due = time.monotonic() + 20.0, 0.0
-    while time.monotonic() < end and not condition():
-        if time.monotonic() > due:
-            act()
-            due = time.monotonic() + 0.05
-        executor.spin_once(timeout_sec=0.02)
-    executor.shutdown()
-    return condition()
 
 
 def test_pictures_reach_the_procedure_until_it_has_enough(ros: Node, monkeypatch: pytest.MonkeyPatch) -> None:

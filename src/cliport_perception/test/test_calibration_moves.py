@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from argparse import Namespace
 from collections.abc import Callable, Iterator
@@ -10,17 +11,18 @@ from typing import Any
 import numpy as np
 import pytest
 import rclpy
-from rclpy.action import GoalResponse
+from rclpy.action import CancelResponse, GoalResponse
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from ros_domain import next_domain
-from std_msgs.msg import String
+from std_msgs.msg import Empty, String
 
 from cliport_core import topics
 from cliport_core.outcome import ActionResult, Outcome
 from cliport_core.pose import Pose
 from cliport_core.ros_action_server import ThreadedActionServer
 from cliport_interfaces.action import MoveHand
+from cliport_perception.calibration import ros_mover
 from cliport_perception.calibration.ros_mover import HandMover
 from cliport_perception.calibration.ros_moving import check_moving
 from cliport_perception.errors import CalibrationError
@@ -37,8 +39,11 @@ class Executor:
         self.accepts = True
         self.act: Callable[[Any], MoveHand.Result] = self.succeed
         node.create_subscription(String, topics.OWNER_HEARTBEAT, lambda message: self.beats.append(message.data), 10)
+        beats = node.create_publisher(Empty, topics.HEARTBEAT, 10)
+        self.lives = True
+        node.create_timer(0.05, lambda: beats.publish(Empty()) if self.lives else None)
         self._server = ThreadedActionServer(
-            node, MoveHand, topics.MOVE_HAND, self._execute,
+            node, MoveHand, topics.MOVE_HAND, self._execute, cancel_callback=lambda _: CancelResponse.ACCEPT,
             goal_callback=lambda _: GoalResponse.ACCEPT if self.accepts else GoalResponse.REJECT,
         )  # fmt: skip
 
@@ -142,6 +147,30 @@ def test_a_plan_that_waits_is_said_with_the_call_that_approves_it(bench: Bench) 
         "the hand's next motion waits for your approval: ros2 service call /panda_executor/approve "
         "cliport_interfaces/srv/ApprovePlan \"{plan_id: '1a2b'}\""
     ]
+
+
+def test_an_executor_that_falls_silent_is_given_up(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Killed or hung in mid-motion, it never says how that ended; its motion is cancelled, should it come back."""
+    monkeypatch.setattr(ros_mover, "_SILENT", 0.5)
+    executor = Executor(bench.other)
+    assert bench.until(lambda: bool(bench.mover._action.server_is_ready()))
+    cancelled, left = threading.Event(), threading.Event()
+
+    def hang(handle: Any) -> MoveHand.Result:
+        executor.lives = False
+        while not (handle.is_cancel_requested or left.is_set()):
+            time.sleep(0.01)
+        cancelled.set()
+        handle.abort()
+        return MoveHand.Result(message="late")
+
+    executor.act = hang
+    end = bench.move()
+    assert end.outcome is Outcome.EXECUTION_FAILED and "no sign of life for 0.5 s" in end.message
+    assert bench.until(cancelled.is_set), "its goal was left to itself"
+    executor.lives, executor.act = True, Executor.succeed
+    assert bench.move().message == "the hand is there", "the end of the one before is not that of the next"
+    left.set()
 
 
 @pytest.mark.parametrize(

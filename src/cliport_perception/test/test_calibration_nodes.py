@@ -5,8 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from datetime import datetime, timezone
 from pathlib import Path
@@ -17,11 +16,12 @@ import pytest
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import TransformStamped
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
 from ros_domain import next_domain
+from ros_until import until
 from sensor_msgs.msg import CameraInfo, Image
 from tf2_msgs.msg import TFMessage
 
@@ -56,20 +56,6 @@ def ros() -> Iterator[Node]:
     yield node
     node.destroy_node()
     rclpy.try_shutdown()
-
-
-def until(nodes: list[Node], condition: Callable[[], bool], act: Callable[[], None] = lambda: None) -> bool:
-    executor = SingleThreadedExecutor()
-    for node in nodes:
-        executor.add_node(node)
-    end, due = time.monotonic() + 20.0, 0.0
-    while time.monotonic() < end and not condition():
-        if time.monotonic() > due:
-            act()
-            due = time.monotonic() + 0.1
-        executor.spin_once(timeout_sec=0.02)
-    executor.shutdown()
-    return condition()
 
 
 def links(node: Node) -> list[TransformStamped]:

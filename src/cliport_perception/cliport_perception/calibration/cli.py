@@ -151,8 +151,10 @@ def _verify(board: Board, options: argparse.Namespace, ros: list[str]) -> int:
 
 def _lens(board: Board, options: argparse.Namespace, ros: list[str]) -> int:
     from cliport_perception.calibration.ros_lens import run_lens  # needs ROS, which the other ways do not
-    from cliport_perception.calibration.ros_session import screen_voice
+    from cliport_perception.calibration.ros_session import end_with_input, screen_voice
 
+    if options.tied:
+        end_with_input()
     return run_lens(board, options, ros, screen_voice())
 
 

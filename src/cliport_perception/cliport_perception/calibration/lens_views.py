@@ -22,7 +22,7 @@ _TILTED = math.sin(math.radians(15.0))  # of the board's normal to one side, fro
 _TILTS_EACH = 2  # views tilted to each side
 _STEADY_PX = 0.7  # by which the board may move from one picture to the next
 _NEW_SHARE, _NEW_TURN = 0.04, math.radians(8.0)  # of the picture's width; a view must differ by one of them
-_MORE = 5
+_LEAST, _MORE = 15, 5  # views that are asked for, at first and after a refusal
 _ROUGH_FOCAL = 0.9  # of an unknown lens, as a share of the picture's width: no more than tilts depend on it
 _ROUGH_RMS = 50.0  # by which a board may seem bent through it [px]
 
@@ -64,10 +64,11 @@ class LensProcedure:
             sign = 1.0 if name in ("right", "lower") else -1.0
             if sum(sign * view.board_in_camera.rotation[side, 2] > _TILTED for view in self.views) < _TILTS_EACH:
                 return f"tilt the board: bring its {name} edge towards the camera by 20 to 40 degrees"
-        for row, col in np.argwhere(self._seen() == 0):
-            where = _ROWS[row] + " " + _COLUMNS[col]
-            return f"bring the board into the picture's {where} part"
-        return ""
+        empty = np.argwhere(self._seen() == 0)
+        if not len(empty):
+            return ""
+        row, col = empty[0]
+        return f"bring the board into the picture's {_ROWS[row]} {_COLUMNS[col]} part"
 
     @property
     def is_complete(self) -> bool:
@@ -115,5 +116,5 @@ def rough_camera(rows: int, cols: int) -> CameraModel:
 
 def check_count(count: int) -> None:
     """Check how many views are asked for. Raises CalibrationError."""
-    if count < 15:
-        raise CalibrationError(f"--samples must be 15 or more for a lens, got {count}")
+    if count < _LEAST:
+        raise CalibrationError(f"--samples must be {_LEAST} or more for a lens, got {count}")
