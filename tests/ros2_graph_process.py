@@ -72,7 +72,7 @@ def main(what: str) -> None:
     """Spin the nodes until SIGTERM ends the process at once: rclpy's own handler may never return."""
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     nodes: list[Node] = [PickPlaceNode()] if what == "action" else publishing_nodes(int(what))
-    executor = MultiThreadedExecutor(2)
+    executor = MultiThreadedExecutor(4)  # a test that failed and its next tries may each leave a goal waiting
     for node in nodes:
         executor.add_node(node)
     print("ready", flush=True)

@@ -245,7 +245,7 @@ def test_action_send_goal_is_canceled_by_ctrl_c(acting):
     )  # fmt: skip
     server.read_until("waiting")
     send.read_until("Goal accepted")
-    assert send.end(signal.SIGINT) == 2
+    assert send.end(signal.SIGINT) == 2, send.output
     assert send.output.endswith("Canceling goal...\nGoal canceled.\n")
     server.read_until("canceled")
 

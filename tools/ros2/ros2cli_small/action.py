@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import argparse
+import signal
 import time
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from ros2cli_small.discovery import wait_for_graph
@@ -13,6 +15,8 @@ from ros2cli_small.message_values import Shortening, fill_message, parse_values,
 from ros2cli_small.node_list import node_names
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from rclpy.node import Node
 
 CANCEL_TIME = 30.0  # s, at most, for the server to answer that it cancels
@@ -107,29 +111,49 @@ def _follow(node: Node, client: Any, goal: Any, with_feedback: bool) -> int:
     while not client.server_is_ready():
         time.sleep(POLL_PERIOD)
     print(f"Sending goal:\n     {to_yaml(goal, _WHOLE)}", flush=True)
-    sent = client.send_goal_async(goal, _show_feedback if with_feedback else None)
-    handle: Any = None
-    try:
-        handle = _result_of(node, sent)
+    with _first_interrupt_noted() as interrupted:
+        sent = client.send_goal_async(goal, _show_feedback if with_feedback else None)
+        spin_until(node, sent.done)
+        handle = _result_of(sent)
         if not handle.accepted:
             print("Goal was rejected.")
             return 0
         print(f"Goal accepted with ID: {bytes(handle.goal_id.uuid).hex()}\n", flush=True)
-        result = _result_of(node, handle.get_result_async())
-    except KeyboardInterrupt:
-        _cancel(node, handle or _result_of(node, sent))
-        raise
+        finished = handle.get_result_async()
+        spin_until(node, lambda: finished.done() or bool(interrupted))
+        if not finished.done():
+            _cancel(node, handle)
+            return int(signal.SIGINT)
+    result = _result_of(finished)
     print(f"Result:\n    {to_yaml(result.result, _WHOLE)}")
     print(f"Goal finished with status: {_STATUSES[result.status]}")
     return 0
+
+
+@contextmanager
+def _first_interrupt_noted() -> Iterator[list[int]]:
+    """Yield a list that the first Ctrl-C is written to; the second one interrupts.
+
+    An exception in the middle of rclpy's callbacks can lose the message that they handle, and with it the cancel.
+    """
+    seen: list[int] = []
+
+    def note(number: int, _frame: Any) -> None:
+        seen.append(number)
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+
+    before = signal.signal(signal.SIGINT, note)
+    try:
+        yield seen
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def _show_feedback(message: Any) -> None:
     print(f"Feedback:\n    {to_yaml(message.feedback, _WHOLE)}", flush=True)
 
 
-def _result_of(node: Node, future: Any) -> Any:
-    spin_until(node, future.done)
+def _result_of(future: Any) -> Any:
     if future.exception() is not None:
         raise CommandError(f"Exception while waiting for the action server: {future.exception()!r}")
     return future.result()
@@ -137,8 +161,6 @@ def _result_of(node: Node, future: Any) -> Any:
 
 def _cancel(node: Node, handle: Any) -> None:
     """Cancel an accepted goal, and say whether the server does."""
-    if not handle.accepted:
-        return
     print("Canceling goal...", flush=True)
     answer = handle.cancel_goal_async()
     if not spin_until(node, answer.done, CANCEL_TIME) or not answer.result().goals_canceling:
