@@ -20,6 +20,7 @@ from sim_bridge.tasks.adaptations import ADAPTATIONS
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/*.md"), *ROOT.glob("calibration/*.md")])
+LONGEST = 140  # characters of a line
 SOURCE_SUFFIXES = (".py", ".yaml", ".js", ".html", ".msg", ".srv", ".action", ".sh")
 _COMMENT_MARK = re.compile(r"^\s*(#|//|\*)\s?", re.MULTILINE)
 _TITLE = r'"([^"]+)"'
@@ -139,6 +140,24 @@ def test_links_lead_somewhere(page: Path) -> None:
         assert linked.exists(), f"{page.name}: {target}"
         if anchor:
             assert anchor in [_anchor(title) for title in _titles(linked)], f"{page.name}: {target}"
+
+
+def _long_lines(page: Path) -> list[int]:
+    """Numbers of the lines too long for a window beside another; Markdown has no way to wrap a table's row."""
+    may_be_long = "|" if page != ROOT / "README.md" else "no line may"
+    lines = page.read_text(encoding="utf-8").splitlines()
+    return [n for n, line in enumerate(lines, 1) if len(line) > LONGEST and not line.startswith(may_be_long)]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_no_line_is_too_long_to_read(page: Path) -> None:
+    assert not _long_lines(page), f"{page.name}: longer than {LONGEST}"
+
+
+def test_long_lines_are_noticed(tmp_path: Path) -> None:
+    page = tmp_path / "page.md"
+    page.write_text(f"{'a' * LONGEST}\n{'b' * (LONGEST + 1)}\n| {'c' * LONGEST} |\n", encoding="utf-8")
+    assert _long_lines(page) == [2]
 
 
 @pytest.mark.parametrize("page", ["README.md", "ARCHITECTURE.md"])
