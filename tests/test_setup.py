@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from setup_shell import program, shell
+from setup_shell import on_a_terminal, program, shell
 
 
 def test_a_supported_python_is_taken(tmp_path):
@@ -52,6 +52,34 @@ def test_proxies_survive_sudo(tmp_path, no_rights):
     for line in (update, install):
         assert line.startswith("-n env DEBIAN_FRONTEND=noninteractive https_proxy=http://proxy.invalid:3128 apt-get")
     assert install.endswith("install -y --no-install-recommends cmake")
+
+
+ASKING_SUDO = (
+    '[ "$*" != "-n true" ] || exit 1; [ "$1" != -v ] || { read -r word </dev/tty; [ "$word" = right ]; exit; }; '
+    'printf "%s\n" "$*" >>$stamps/asked'
+)
+
+
+def test_on_a_terminal_the_password_is_asked_for_once(tmp_path, no_rights):
+    program(tmp_path / "bin/sudo", ASKING_SUDO)
+    (tmp_path / ".setup").mkdir()
+    script = 'install_system_packages libgl1 cmake; echo "lacking: $lacking."'
+    status, shown = on_a_terminal(script, tmp_path, "right\n", **no_rights)
+    assert status == 0 and "lacking: .\n" in shown
+    assert shown.index("sudo asks for your password, to install them with apt-get") < shown.index("lacking")
+    _, install = (tmp_path / ".setup/asked").read_text().splitlines()
+    assert install.startswith("env DEBIAN_FRONTEND=noninteractive apt-get ")
+    assert install.endswith("install -y --no-install-recommends libgl1 cmake")
+
+
+def test_without_a_password_the_administrators_line_is_said(tmp_path, no_rights):
+    program(tmp_path / "bin/sudo", ASKING_SUDO)
+    (tmp_path / ".setup").mkdir()
+    script = 'install_system_packages libgl1 cmake; echo "lacking: $lacking."'
+    status, shown = on_a_terminal(script, tmp_path, "wrong\n", **no_rights)
+    assert status == 0 and "lacking: libgl1 cmake.\n" in shown
+    assert "an administrator does it with: apt-get install -y libgl1 cmake\n" in shown
+    assert not (tmp_path / ".setup/asked").exists()
 
 
 def test_the_browser_is_asked_for_by_the_tests_alone(tmp_path):

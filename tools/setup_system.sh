@@ -39,7 +39,8 @@ install_system_packages() {
         elif sudo -n true 2>/dev/null; then
             as_root=(sudo -n)
         elif [ -t 0 ] && [ -t 2 ]; then
-            as_root=(sudo)
+            echo "    sudo asks for your password, to install them with apt-get" >&2
+            if sudo -v; then as_root=(sudo); else lacking="$*"; fi
         else
             lacking="$*"
         fi
