@@ -16,7 +16,7 @@ from statistics import median
 import numpy as np
 
 from cliport_benchmark.errors import BenchmarkError
-from cliport_benchmark.provenance import machine
+from cliport_benchmark.provenance import machine, machine_line
 from cliport_core.command_line import CommandParser
 
 TASK = "put-blocks-in-bowls-seen-colors"
@@ -104,6 +104,7 @@ def bench_planning() -> Iterator[Row]:
     from cliport_benchmark.bench_planning import compared, drawn
     from cliport_benchmark.observer import Observer
     from cliport_core import PickPlaceAction
+    from panda_executor.errors import ExecutorError
     from panda_executor.model import PandaModel
     from panda_executor.transfer import TransferPlanner
     from sim_bridge.scene import reset_scene
@@ -112,7 +113,7 @@ def bench_planning() -> Iterator[Row]:
     sim = SimConfig()
     world, observer, planner = SimWorld(sim), Observer(sim), TransferPlanner(PandaModel())
     planner.place_camera(observer.camera.camera_in_base.translation)
-    samples, previews = [], []
+    samples, previews, refused = [], [], []
     for seed in range(20):
         task = reset_scene(world, TASK, "val", seed)
         action = task.expert_action()
@@ -121,17 +122,24 @@ def bench_planning() -> Iterator[Row]:
         cloud = observer.cloud(observer.frame(world))
         asked = PickPlaceAction(action.pick, action.place)
         start = time.perf_counter()
-        plan = planner.plan(asked, cloud, sim.workspace, planner.ready)
+        try:
+            plan = planner.plan(asked, cloud, sim.workspace, planner.ready)
+        except ExecutorError as error:
+            refused.append(f"scene {seed}: {error}")
+            continue
         planned = time.perf_counter()
         drawn(planner, plan)
         samples.append(1000 * (planned - start))
         previews.append(1000 * (time.perf_counter() - planned))
     world.close()
-    yield row("plan_transfer", samples, "ms")
-    yield row("plan_preview", previews, "ms")
+    if samples:
+        yield row("plan_transfer", samples, "ms")
+        yield row("plan_preview", previews, "ms")
     for name, times, share in compared(20):
         yield row(f"search_clutter_{name}", times, "ms")
         yield row(f"search_clutter_{name}_found", [share], "%")
+    if refused:
+        raise BenchmarkError(f"plan_transfer has {len(samples)} times; {refused[0]}")
 
 
 def bench_training() -> Iterator[Row]:
@@ -172,26 +180,15 @@ def _ms_between(ends: list[float], size: int) -> list[float]:
     return [1000 * (b - a) / size for a, b in pairwise(ends)]
 
 
-def bench_first_motion(n: int = 5) -> list[Row]:
+def bench_first_motion(n: int = 5) -> Iterator[Row]:
     """Time from publishing an instruction to the arm's first motion, in the running graph."""
-    from cliport_benchmark.graph_client import GraphClient
-    from cliport_benchmark.graph_process import GraphProcess
+    from cliport_benchmark.bench_motion import first_motions
 
-    samples = []
-    with tempfile.TemporaryDirectory() as folder:
-        arguments = {"task": TASK, "split": "val", "seed": "0"}
-        with (
-            GraphProcess("sim.launch.yaml", arguments, Path(folder) / "log") as graph,
-            GraphClient("bench") as client,
-        ):
-            client.wait_ready(120.0, lambda: graph.healthy)
-            for seed in range(n):
-                sentence = client.reset(TASK, "val", seed)
-                time.sleep(1.0)
-                samples.append(client.seconds_to_motion(sentence, 20.0))
-                client.instruct("")
-                client.wait_at_rest(20.0)
-    return [row("first_motion", samples, "s")]
+    samples, failures = first_motions(TASK, n)
+    if samples:
+        yield row("first_motion", samples, "s")
+    if failures:
+        raise BenchmarkError(f"first_motion has {len(samples)} of {n} times; {failures[0]}")
 
 
 def bench_generation() -> Iterator[Row]:
@@ -231,12 +228,12 @@ def bench_page() -> Iterator[Row]:
     """Measure the demonstration page on the running graph: the age of its picture, its share of a core, and leaks."""
     from cliport_benchmark.bench_page import page_figures
 
-    found = page_figures(TASK)
-    yield row("page_latency_960x540", found["latency"], "ms")
-    yield row("page_latency_960x540_p95", [float(np.percentile(found["latency"], 95))], "ms")
-    yield row("page_cpu_cores", found["cores"], "cores")
-    for name, growth in zip(("1000_loads", "next_1000_loads"), found["growth"], strict=True):
-        yield row(f"page_memory_{name}", [growth], "MB")
+    for name, found in page_figures(TASK):
+        if name == "latency":
+            yield row("page_latency_960x540", found, "ms")
+            yield row("page_latency_960x540_p95", [float(np.percentile(found, 95))], "ms")
+        else:
+            yield row(f"page_{name}", found, "cores" if name == "cpu_cores" else "MB")
 
 
 BENCHES: dict[str, Callable[[], Iterable[Row]]] = {
@@ -263,19 +260,20 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--group", choices=sorted(BENCHES), help=f"one instead of all but {', '.join(ON_REQUEST)}")
     parser.add_argument("--out", default="out/bench.json")
     args = parser.parse_args(argv)
-    rows, status = _measured(args.group)
+    rows: list[Row] = []
     out = Path(args.out)
     out.parent.mkdir(parents=True, exist_ok=True)
-    out.write_text(
-        json.dumps({"machine": machine(), "versions": versions(), "rows": [asdict(r) for r in rows]}, indent=2) + "\n"
-    )
-    print(f"written to {out}")
-    return status
+    print(machine_line())
+    try:
+        return _measure(args.group, rows)
+    finally:
+        said = {"machine": machine(), "versions": versions(), "rows": [asdict(r) for r in rows]}
+        out.write_text(json.dumps(said, indent=2) + "\n")
+        print(f"written to {out}")
 
 
-def _measured(group: str | None) -> tuple[list[Row], int]:
-    """Return the rows of one group or of all, printed as they come, and the exit status."""
-    rows: list[Row] = []
+def _measure(group: str | None, rows: list[Row]) -> int:
+    """Add the rows of one group or of all to a list, print them as they come, and return the exit status."""
     status = 0
     print(f"{'name':56}{'median':>10}{'min':>10}{'max':>10}  unit     n", flush=True)
     for name, bench in BENCHES.items():
@@ -290,8 +288,8 @@ def _measured(group: str | None) -> tuple[list[Row], int]:
             print(f"error: {error}", file=sys.stderr)
         except KeyboardInterrupt:
             print("error: interrupted", file=sys.stderr)
-            return rows, 130
-    return rows, status
+            return 130
+    return status
 
 
 if __name__ == "__main__":

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from cliport_benchmark.errors import BenchmarkError
 
-_START_TIMEOUT_S = 60.0  # wait for its address at most
+_START_TIMEOUT_S = 180.0  # wait for its address at most; it may share one core with a graph that starts
 _END_TIMEOUT_S = 20.0  # wait for its end at most
 
 

@@ -13,6 +13,7 @@ import pytest
 from cliport_benchmark import bench, bench_page
 from cliport_benchmark.bench_planning import clutter_queries, search_times
 from cliport_benchmark.errors import BenchmarkError
+from cliport_benchmark.provenance import machine_line
 from panda_executor.config import SearchAlgorithm
 from panda_executor.model import PandaModel
 
@@ -33,6 +34,7 @@ def test_rows_that_were_measured_are_written(
     out = tmp_path / "bench.json"
     assert bench.main(["--out", str(out)]) == 1
     assert capsys.readouterr().out.splitlines() == [
+        machine_line(),
         "name                                                        median       min       max  unit     n",
         "one                                                           2.00      1.00      3.00  ms       2",
         "half                                                          1.00      1.00      1.00  ms       1",
@@ -59,6 +61,19 @@ def test_an_interrupt_writes_what_was_measured(
     assert bench.main(["--out", str(out)]) == 130
     assert [row["name"] for row in json.loads(out.read_text())["rows"]] == ["half"]
     assert capsys.readouterr().err == "error: interrupted\n"
+
+
+def test_a_defect_in_a_group_does_not_cost_the_rows_before(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken() -> Iterator[bench.Row]:
+        yield bench.row("half", [1.0], "ms")
+        raise ZeroDivisionError
+
+    monkeypatch.setattr(bench, "BENCHES", {"first": broken})
+    out = tmp_path / "bench.json"
+    with pytest.raises(ZeroDivisionError):
+        bench.main(["--out", str(out)])
+    said = json.loads(out.read_text())
+    assert [row["name"] for row in said["rows"]] == ["half"] and "instructions" in said["machine"]
 
 
 def test_searches_begin_and_end_on_either_side_over_the_table() -> None:
@@ -91,5 +106,5 @@ class NoNews:
 def test_a_page_without_new_pictures_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(bench_page, "HTTPConnection", NoNews)
     monkeypatch.setattr(bench_page, "_PICTURE_TIMEOUT_S", 0.0)
-    with pytest.raises(BenchmarkError, match="no new picture for 0 s: is the simulator running"):
+    with pytest.raises(BenchmarkError, match="0 s passed without a new picture"):
         list(bench_page._pictures(SimpleNamespace(port=1), 3))  # type: ignore[arg-type]

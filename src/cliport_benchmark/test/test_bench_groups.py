@@ -8,8 +8,10 @@ from typing import Any
 
 import pytest
 
-from cliport_benchmark import bench
+from cliport_benchmark import bench, bench_motion
+from cliport_benchmark.errors import BenchmarkError
 from cliport_core import PickPlaceAction, PlanarPose
+from panda_executor.errors import ExecutorError
 
 POSE = PlanarPose(0.4, 0.0, 0.0)
 
@@ -49,7 +51,6 @@ def played(monkeypatch: pytest.MonkeyPatch) -> list[str]:
         "sim_bridge.world.SimWorld",
         "panda_executor.model.PandaModel",
         "panda_executor.transfer.TransferPlanner",
-        "cliport_benchmark.graph_process.GraphProcess",
     ):
         monkeypatch.setattr(path, Anything(path.rpartition(".")[2], calls))
     clock = iter(0.25 * n for n in range(10_000))
@@ -98,21 +99,95 @@ def test_planning(played: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
     assert played.count("TransferPlanner.plan") == len(drawn) == 19 and "SimWorld.close" in played
 
 
+class MotionClient:
+    """A user of the graph whose arm does not move, or does not come to rest, in some scenes."""
+
+    def __init__(self, still: tuple[int, ...] = (), restless: tuple[int, ...] = ()) -> None:
+        self.still, self.restless, self.seed = still, restless, -1
+        self.asked: list[tuple[Any, ...]] = []
+
+    def __enter__(self) -> MotionClient:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        return
+
+    def wait_ready(self, timeout: float, alive: Callable[[], bool]) -> None:
+        self.asked.append((timeout,))
+
+    def reset(self, task: str, split: str, seed: int) -> str:
+        self.seed = seed
+        return f"sentence {seed}"
+
+    def seconds_to_motion(self, sentence: str, timeout: float) -> float:
+        self.asked.append((sentence, timeout))
+        if self.seed in self.still:
+            raise BenchmarkError("the arm did not move")
+        return float(self.seed)
+
+    def instruct(self, text: str) -> None:
+        self.asked.append((text,))
+
+    def wait_at_rest(self, timeout: float) -> None:
+        self.asked.append((timeout,))
+        if self.seed in self.restless:
+            raise BenchmarkError("the arm still moves")
+
+
 def test_first_motion(played: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    asked: list[tuple[Any, ...]] = []
-    client = SimpleNamespace(
-        wait_ready=lambda timeout, alive: asked.append((timeout,)),
-        reset=lambda task, split, seed: f"sentence {seed}",
-        seconds_to_motion=lambda sentence, timeout: asked.append((sentence, timeout)) or float(sentence[-1]),
-        instruct=lambda text: asked.append((text,)),
-        wait_at_rest=lambda timeout: asked.append((timeout,)),
-    )
-    context = type("Context", (), {"__enter__": lambda _: client, "__exit__": lambda *_: None})
-    monkeypatch.setattr("cliport_benchmark.graph_client.GraphClient", lambda name: context())
+    client = MotionClient()
+    monkeypatch.setattr("cliport_benchmark.bench_motion.GraphClient", lambda name: client)
+    monkeypatch.setattr("cliport_benchmark.bench_motion.GraphProcess", Anything("GraphProcess", played))
     assert table(bench.bench_first_motion()) == [("first_motion", 2.0, "s", 5)]
-    each = [[(f"sentence {n}", 20.0), ("",), (20.0,)] for n in range(5)]
-    assert asked == [(120.0,), *(line for lines in each for line in lines)]
+    each = [[(f"sentence {n}", 60.0), ("",), (60.0,)] for n in range(5)]
+    assert client.asked == [(300.0,), *(line for lines in each for line in lines)]
     assert played.count("sleeps 1.0 s") == 5 and played[-1] == "GraphProcess ends"
+
+
+@pytest.mark.parametrize(
+    ("client", "median", "n", "said"),
+    [
+        (MotionClient(still=(0, 3)), 2.0, 3, "first_motion has 3 of 5 times; scene 0: the arm did not move"),
+        (MotionClient(restless=(1,)), 2.0, 5, "first_motion has 5 of 5 times; scene 1: the arm still moves"),
+    ],
+)
+def test_a_scene_without_motion_does_not_cost_the_others(
+    client: MotionClient, median: float, n: int, said: str, played: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("cliport_benchmark.bench_motion.GraphClient", lambda name: client)
+    monkeypatch.setattr("cliport_benchmark.bench_motion.GraphProcess", Anything("GraphProcess", played))
+    rows = bench.bench_first_motion()
+    assert table([next(rows)]) == [("first_motion", median, "s", n)]
+    with pytest.raises(BenchmarkError, match=f"^{said}$"):
+        next(rows)
+    assert client.seed == 4
+
+
+def test_no_scene_is_waited_for_when_a_node_has_died(monkeypatch: pytest.MonkeyPatch) -> None:
+    client = MotionClient(still=(1,))
+    monkeypatch.setattr(bench.time, "sleep", lambda seconds: None)
+    graph: Any = SimpleNamespace(healthy=False)
+    assert bench_motion._measured(graph, client, "align-rope", 5) == ([0.0], ["scene 1: the arm did not move"])  # type: ignore[arg-type]
+
+
+def test_scenes_that_are_not_planned_do_not_cost_the_others(played: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    class Planner(Anything):
+        def plan(self, *_: object) -> None:
+            self.calls.append("planned")
+            if self.calls.count("planned") <= 2:
+                raise ExecutorError("planning took too long")
+
+    monkeypatch.setattr("panda_executor.transfer.TransferPlanner", lambda _: Planner("TransferPlanner", played))
+    monkeypatch.setattr("sim_bridge.world.SimConfig", lambda: SimpleNamespace(workspace=None))
+    scene = SimpleNamespace(expert_action=lambda: PickPlaceAction(POSE, POSE))
+    monkeypatch.setattr("sim_bridge.scene.reset_scene", lambda *_: scene)
+    monkeypatch.setattr("cliport_benchmark.bench_planning.compared", lambda n: [("rrt", [1.0], 75.0)])
+    monkeypatch.setattr("cliport_benchmark.bench_planning.drawn", lambda planner, plan: None)
+    monkeypatch.setattr(bench, "BENCHES", {"planning": bench.bench_planning})
+    rows: list[bench.Row] = []
+    assert bench._measure(None, rows) == 1
+    names = ["plan_transfer", "plan_preview", "search_clutter_rrt", "search_clutter_rrt_found"]
+    assert [(r.name, r.n) for r in rows] == [*((name, 18) for name in names[:2]), *((name, 1) for name in names[2:])]
 
 
 def test_inference_and_the_network_of_the_papers_size(monkeypatch: pytest.MonkeyPatch) -> None:

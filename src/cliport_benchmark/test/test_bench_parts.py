@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from websockets.exceptions import ConnectionClosedOK
 
-from cliport_benchmark import bench, bench_generation, bench_page, bench_perception, bench_planning
+from cliport_benchmark import bench, bench_generation, bench_page, bench_perception, bench_planning, provenance
 from cliport_benchmark.errors import BenchmarkError
 from cliport_benchmark.page_process import PageProcess
 from cliport_benchmark.provenance import machine
@@ -58,7 +58,8 @@ def test_what_takes_minutes_is_measured_on_request_only(monkeypatch: pytest.Monk
     ran: list[str] = []
     names = ("planning", "generation", "page", "paper_size")
     monkeypatch.setattr(bench, "BENCHES", {name: lambda name=name: ran.append(name) or [] for name in names})
-    assert bench._measured(group) == ([], 0) and ran == run
+    rows: list[bench.Row] = []
+    assert bench._measure(group, rows) == 0 and (rows, ran) == ([], run)
 
 
 def test_the_rate_of_all_processes(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -99,7 +100,13 @@ def test_simulated_time_is_turned_into_the_machines(monkeypatch: pytest.MonkeyPa
     clock.close = lambda: closed.append("closed")  # type: ignore[method-assign]
     monkeypatch.setattr(bench_page, "_SimulatedTime", lambda: clock)
     monkeypatch.setattr(bench_page, "_pictures", lambda page, n: iter([(second + 110, 3_005_020)] * n))
-    monkeypatch.setattr(bench_page.time, "sleep", lambda seconds: None)
+
+    def later(seconds: float) -> None:
+        stamp = SimpleNamespace(sec=1, nanosec=clock._said[-1][0] % second + 20)
+        clock._take(SimpleNamespace(clock=stamp), {"source_timestamp": clock._said[-1][1] + 40})  # type: ignore[arg-type]
+
+    monkeypatch.setattr(bench_page.time, "sleep", later)
+    clock._said.pop()  # the clock is heard late: the pictures' stamp is waited for
     assert bench_page._latencies(None, 2) == [3.0, 3.0] and closed == ["closed"]  # type: ignore[arg-type]
 
 
@@ -139,10 +146,17 @@ def test_time_and_memory_of_a_process_are_the_systems() -> None:
 
 
 def test_figures_of_the_page_become_rows(monkeypatch: pytest.MonkeyPatch) -> None:
-    found = {"latency": [float(n) for n in range(101)], "cores": [0.25], "growth": [3.0, 1.0]}
-    monkeypatch.setattr("cliport_benchmark.bench_page.page_figures", lambda task: found)
-    rows = [(r.name, r.median, r.unit) for r in bench.bench_page()]
-    assert rows == [
+    def figures(task: str) -> Iterator[tuple[str, list[float]]]:
+        yield "latency", [float(n) for n in range(101)]
+        yield "cpu_cores", [0.25]
+        yield "memory_1000_loads", [3.0]
+        yield "memory_next_1000_loads", [1.0]
+        raise BenchmarkError("the server ended")
+
+    monkeypatch.setattr("cliport_benchmark.bench_page.page_figures", figures)
+    rows: list[bench.Row] = []
+    assert bench._measure("page", rows) == 1
+    assert [(r.name, r.median, r.unit) for r in rows] == [
         ("page_latency_960x540", 50.0, "ms"),
         ("page_latency_960x540_p95", 95.0, "ms"),
         ("page_cpu_cores", 0.25, "cores"),
@@ -192,8 +206,24 @@ def test_the_first_five_pictures_are_not_counted(monkeypatch: pytest.MonkeyPatch
         "/picture/color.jpg?after=0&width=960",
         "/picture/color.jpg?after=1&width=960&level=3&took=250",
     ]
+
+
+def test_narrow_pictures_are_not_counted(monkeypatch: pytest.MonkeyPatch) -> None:
+    served = Pictures(640)
+    monkeypatch.setattr(bench_page, "HTTPConnection", served)
+    pictures = bench_page._pictures(SimpleNamespace(port=7), 1)  # type: ignore[arg-type]
+    asked = iter(range(99))
+    request = served.request
+
+    def widens(method: str, path: str) -> None:
+        served.width = 960 if next(asked) >= 4 else 640
+        request(method, path)
+
+    monkeypatch.setattr(served, "request", widens)
+    assert [stamp for stamp, _ in pictures] == [1000]  # the tenth: four narrow ones, five to warm up
     monkeypatch.setattr(bench_page, "HTTPConnection", Pictures(640))
-    with pytest.raises(BenchmarkError, match="is not 960 pixels wide: the link is too slow for it"):
+    monkeypatch.setattr(bench_page, "_PICTURE_TIMEOUT_S", 0.0)
+    with pytest.raises(BenchmarkError, match="0 s passed without a new picture of the page's full width"):
         list(bench_page._pictures(SimpleNamespace(port=7), 3))  # type: ignore[arg-type]
 
 
@@ -237,4 +267,30 @@ def test_a_page_is_started_in_its_domain(given: int | None, seen: str, monkeypat
 
 def test_a_machine_is_described() -> None:
     found = machine()
-    assert found["python"] == platform.python_version() and found["cores"] == os.cpu_count()
+    assert found["python"] == platform.python_version() and found["cores"] == len(os.sched_getaffinity(0))
+
+
+@pytest.mark.parametrize(
+    ("flags", "named", "said"),
+    [
+        ("fpu avx avx2 avx512f avx512_bf16 avx512dq", "avx2 avx512f avx512_bf16", "A CPU (avx2 avx512f avx512_bf16)"),
+        ("fpu avx2 amx_bf16 amx_tile", "avx2 amx_bf16", "A CPU (avx2 amx_bf16)"),
+        ("fpu sse2", "", "A CPU (none of avx2, avx512f, avx512_bf16, amx_bf16)"),
+    ],
+)
+def test_instruction_sets_that_matter_are_told(
+    flags: str, named: str, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file = tmp_path / "cpuinfo"
+    file.write_text(f"processor\t: 0\nmodel name\t: A CPU\nflags\t\t: {flags}\n\nprocessor\t: 1\nflags\t\t: other\n")
+    monkeypatch.setattr(provenance, "_PROCESSOR_FILE", file)
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0, 2, 3})
+    assert (machine()["cpu"], machine()["instructions"]) == ("A CPU", named)
+    assert provenance.machine_line() == f"{said}, 3 cores"
+
+
+def test_a_system_that_says_nothing_of_its_processor_has_no_instruction_sets(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(provenance, "_PROCESSOR_FILE", tmp_path / "none")
+    assert machine()["instructions"] == "" and machine()["cpu"]
