@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import multiprocessing
 import os
 import re
 import signal
@@ -12,6 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
+from busy_cores import busy_cores
 from ros2_graph_process import topic_names
 from ros2_process import ROS2, TIMEOUT, Background, ros2, ros2_each
 from ros_domain import next_domain
@@ -51,25 +51,6 @@ def all_topics(processes: int) -> set[str]:
     """Return what `topic list` is to show."""
     talks = {f"/p{process}/{name}" for process in range(processes) for name in ("talk", "hear")}
     return topic_names(processes) | talks | ALWAYS
-
-
-def burn(_number: int) -> None:
-    while True:
-        pass
-
-
-@contextmanager
-def busy_cores() -> Iterator[None]:
-    """Keep every core busy."""
-    burners = [multiprocessing.Process(target=burn, args=(n,), daemon=True) for n in range(os.cpu_count() or 1)]
-    for burner in burners:
-        burner.start()
-    try:
-        yield
-    finally:
-        for burner in burners:
-            burner.kill()
-            burner.join()
 
 
 # --- topics and nodes
