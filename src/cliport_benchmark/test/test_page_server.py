@@ -28,7 +28,7 @@ class Server:
         self.status, self.told = status, list[Any]()
 
     def http(self, host: str, port: int, timeout: float) -> SimpleNamespace:
-        assert timeout == 10
+        assert timeout == 30
         return SimpleNamespace(
             request=lambda method, path: self.told.append(f"{method} {host}:{port}{path}"),
             getresponse=lambda: SimpleNamespace(status=self.status, read=lambda: b"text"),
@@ -42,7 +42,8 @@ class Server:
             close=lambda: self.told.append((name, "closed")),
         )
 
-    def websocket(self, url: str, origin: str) -> SimpleNamespace:
+    def websocket(self, url: str, origin: str, open_timeout: float) -> SimpleNamespace:
+        assert open_timeout == 30
         self.told.append(f"{url} from {origin}")
         return SimpleNamespace(
             socket=self.socket("session"), recv=lambda timeout: self.told.append(f"reads for {timeout} s")
@@ -75,7 +76,7 @@ def test_a_dropped_page_closes_neither_its_session_nor_its_picture(monkeypatch: 
         "closed",
         "GET 127.0.0.1:7/picture/color.jpg?after=0&width=960",
         "ws://127.0.0.1:7/session?page=dropped-page-12 from http://127.0.0.1:7",
-        "reads for 5 s",
+        "reads for 30.0 s",
         ("session", "shut", socket.SHUT_RDWR),
         ("session", "closed"),
         ("picture", "shut", socket.SHUT_RDWR),
@@ -198,7 +199,7 @@ def test_a_page_that_has_ended_keeps_its_status_and_one_that_will_not_is_killed(
     [
         (True, "port 80 is taken\n", "port 80 is taken"),
         (True, "", "see above"),
-        (False, "http://127.0.0.1:80/", "it said nothing in 60 s"),
+        (False, "http://127.0.0.1:80/", "it said nothing in 180 s"),
     ],
 )
 def test_a_page_that_does_not_start_is_ended(
