@@ -90,6 +90,12 @@ def test_unreleased_changes_stand_above_releases_newest_first():
     assert not numbers or tuple(int(part) for part in version().split(".")) >= numbers[0]
 
 
+def test_the_version_is_released_on_the_day_that_the_citation_says():
+    released = re.search(rf"^## \[{re.escape(version())}\] - (\S+)$", CHANGELOG.read_text(), re.MULTILINE)
+    cited = re.search(r"^date-released: (\S+)$", (ROOT / "CITATION.cff").read_text(), re.MULTILINE)
+    assert released and cited and released[1] == cited[1]
+
+
 def test_a_changelog_of_another_form_is_noticed():
     with pytest.raises(AssertionError, match="under no kind of change"):
         sections("# Changelog\n\n## [Unreleased]\n\n- something\n")
