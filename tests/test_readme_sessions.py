@@ -49,6 +49,9 @@ LESSONS: dict[str, dict[str, str]] = {  # command: what is smaller than in READM
     "ros2 run cliport_policy learn --from-bags demonstrations/mine --out runs/mine": {"--train-options": QUICK},
     "ros2 run cliport_benchmark evaluate --checkpoint expert --task all --split test --first-seed 0 --episodes 50 "
     "--out out/expert": {"--task": f"block-insertion,{BOWLS}", "--episodes": "1"},
+    "ros2 run cliport_benchmark evaluate --checkpoint default --split test": {
+        "--task": BOWLS, "--first-seed": "0", "--episodes": "1", "--out": "out/default.json",
+    },
     "ros2 run cliport_benchmark results out/expert --out out/results.md": {},
     "ros2 run cliport_benchmark results out/expert --by-split": {},
     "ros2 run cliport_benchmark card_scores --checkpoint runs/bowls out/seen.json": {},
@@ -57,8 +60,8 @@ LESSONS: dict[str, dict[str, str]] = {  # command: what is smaller than in READM
     "--out data/hanoi": {"--episodes": "1"},
 }  # fmt: skip
 WRITTEN = (
-    "data/train/part-00000.parquet", "runs/bowls/policy.safetensors", "out/seen.json", "out/explain.png",
-    "runs/mine", "out/results.md", "out/benchmark.png", "out/videos/block-insertion.mp4",
+    "data/train/part-00000.parquet", "runs/bowls/policy.safetensors", "out/seen.json", "out/default.json",
+    "out/explain.png", "runs/mine", "out/results.md", "out/benchmark.png", "out/videos/block-insertion.mp4",
     "data/hanoi/part-00000.parquet",
 )  # fmt: skip
 
