@@ -12,6 +12,7 @@ from cliport_core.ros_compressed import color_of_raw, depth_of_raw
 from cliport_core.ros_rgbd import RawFrame, RgbdInput
 from cliport_core.workspace import WorkspaceSpec
 from cliport_perception import conversions
+from cliport_perception.calibration.correction_watch import CorrectionWatch
 from cliport_perception.camera_health import CameraHealth, HealthLimits, HealthReport
 from cliport_perception.frame_processor import FrameProcessor, FrameProducts
 from cliport_perception.table_watch import TableLimits
@@ -40,7 +41,10 @@ class CameraStream:
     """Listens to one camera; number: its own, from 1. Whatever is wrong with a frame ends in its report."""
 
     def __init__(self, node: Node, number: int, settings: CameraSettings, place: Place, serve: Serve) -> None:
+        """Begin to listen. Raises CalibrationError when the camera's calibration cannot be used."""
         self.number = number
+        which = "calibration" if number == 1 else f"calibration{number}"
+        self._correction = CorrectionWatch(str(node.declare_parameter(which, "").value))
         self._now_ns = lambda: int(node.get_clock().now().nanoseconds)
         self._compressed, self._place, self._serve = settings.compressed, place, serve
         self._models = conversions.CameraReader(settings.rectified)
@@ -72,6 +76,7 @@ class CameraStream:
     def report(self) -> HealthReport:
         """Return the camera's state; to be called once a second."""
         self._input.adapt()
+        self._correction.poll()
         return self._health.report(self._now_ns(), *self._input.take_counts())
 
     def _on_frame(self, frame: RawFrame) -> None:
@@ -81,4 +86,5 @@ class CameraStream:
         pose = self._place(frame.frame_id)
         color = color_of_raw(frame.color.data, self._compressed)
         depth = depth_of_raw(frame.depth.data, self._compressed)
-        self._serve(self.number, self._processor.process(color, depth, camera, pose, frame.stamp_ns))
+        correction = self._correction.of_frame(frame.frame_id)
+        self._serve(self.number, self._processor.process(color, depth, camera, pose, frame.stamp_ns, correction))

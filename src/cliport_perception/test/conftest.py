@@ -21,6 +21,7 @@ NEED_MESSAGES = [
     "test_calibration_lens_nodes.py",
     "test_calibration_moves.py",
     "test_calibration_nodes.py",
+    "test_camera_stream.py",
     "test_conversions.py",
     "test_drivers.py",
     "test_node.py",

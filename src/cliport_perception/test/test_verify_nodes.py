@@ -18,7 +18,12 @@ from sensor_msgs.msg import CameraInfo, Image
 from cliport_core import Pose, messages, topics
 from cliport_perception import CameraModel, conversions
 from cliport_perception.calibration.board import Board
-from cliport_perception.calibration.calibration_file import CalibrationRecord, Method, save_calibration
+from cliport_perception.calibration.calibration_file import (
+    CalibrationRecord,
+    Method,
+    load_calibration,
+    save_calibration,
+)
 from cliport_perception.calibration.cli import main
 from cliport_perception.calibration.synthetic import SyntheticCamera
 from cliport_perception.camera_file import CameraCalibration
@@ -47,7 +52,7 @@ def test_verify_reports_depth_and_the_executors_table_height(
     thread = threading.Thread(target=show, args=(domain, color, depth, stop))
     thread.start()
     try:
-        status = main(["--verify", str(tmp_path / "check.png"), "--calibration", str(calibration)])
+        status = main(["--verify", str(tmp_path / "check.png"), "--apply-depth", "--calibration", str(calibration)])
     finally:
         stop.set()
         thread.join()
@@ -60,6 +65,10 @@ def test_verify_reports_depth_and_the_executors_table_height(
     scale, scale_3, offset, offset_3 = map(float, found.groups())
     assert abs(scale - SCALE) < scale_3 < 0.02 and abs(offset - 1e3 * OFFSET) < offset_3 < 10.0
     assert re.search(r"table_z: perception sees .* in panda_link0: set the executor's table_z to -?0\.00\d\d\n", out)
+    known = load_calibration(calibration)
+    assert known.depth is not None and known.table_z is not None
+    assert known.depth.scale == pytest.approx(SCALE, abs=scale_3) and abs(known.table_z) < 0.005
+    assert len(list(tmp_path.glob("camera.*.yaml"))) == 1, "the calibration that was there is kept"
 
 
 def show(domain: int, color: Image, depth: Image, stop: threading.Event) -> None:

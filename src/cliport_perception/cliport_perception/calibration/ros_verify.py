@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import time
+from pathlib import Path
 
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -12,19 +13,21 @@ from tf2_msgs.msg import TFMessage
 from cliport_core import messages, topics
 from cliport_core.errors import FrameError
 from cliport_core.image_files import encode_png
-from cliport_core.images import decode_color, decode_depth
 from cliport_core.pose import Pose
-from cliport_core.raw_image import image_of_raw
+from cliport_core.ros_compressed import color_of_raw, depth_of_raw
 from cliport_core.ros_rgbd import RawFrame, RgbdInput
 from cliport_core.transforms import TransformTree
 from cliport_core.workspace import WorkspaceSpec
 from cliport_perception.calibration.board import Board
-from cliport_perception.calibration.calibration_file import load_calibration
+from cliport_perception.calibration.calibration_file import CalibrationRecord, load_calibration
+from cliport_perception.calibration.depth_application import apply_depth
 from cliport_perception.calibration.depth_check import check_depth
 from cliport_perception.calibration.detection import BoardDetector
 from cliport_perception.calibration.ros_session import ros_session
+from cliport_perception.calibration.saving import say_saved
 from cliport_perception.calibration.verification import Frame, draw, tip_of, verify
 from cliport_perception.calibration.view import BoardView
+from cliport_perception.depth_correction import AS_MEASURED
 from cliport_perception.errors import CalibrationError
 from panda_model.preset_files import load_preset
 
@@ -43,7 +46,8 @@ class OneFrame(Node):
         latched = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self.create_subscription(TFMessage, topics.TF_STATIC, self._on_tf, latched)
         self.create_subscription(TFMessage, topics.TF, self._on_tf, 100)
-        self._camera = RgbdInput(self, self._take, self._complain)
+        self.compressed = bool(self.declare_parameter("compressed", False).value)
+        self._camera = RgbdInput(self, self._take, self._complain, compressed=self.compressed)
         self.create_timer(1.0, self._camera.adapt)
 
     def _take(self, frame: RawFrame) -> None:
@@ -62,33 +66,52 @@ class OneFrame(Node):
 
 
 def run_verify(board: Board, options: argparse.Namespace, ros_args: list[str]) -> int:
-    """Take one frame, write the picture and print the numbers; return the exit status.
+    """Take one frame, write the picture, if one is wanted, and print the numbers; return the exit status.
 
     Raises:
-        CalibrationError: without a calibration or a frame, or when nothing of the workspace is seen.
+        CalibrationError: without a calibration or a frame, when nothing of the workspace is seen, or when depth is to
+            be applied and cannot be.
         CoreError: when the frame or the workspace cannot be used.
     """
     record = load_calibration(options.calibration)
     workspace = WorkspaceSpec.load(options.workspace) if options.workspace else WorkspaceSpec()
-    raw, gripper = _one_frame(record.base_frame, options, ros_args)
-    color, depth = decode_color(image_of_raw(raw.color.data)), decode_depth(image_of_raw(raw.depth.data))
-    look = BoardDetector(board, record.camera.intrinsics).look(color)
-    frame = Frame(color, depth, tip_of(gripper), look if isinstance(look, BoardView) else None)
+    frame = _one_frame(record, board, options, ros_args)
     found = verify(frame, record.camera, workspace, board)
     checked = None
     if found.plane is not None:
-        checked = check_depth(depth, frame.board, record.camera, workspace, found.plane)
+        checked = check_depth(frame.depth, frame.board, record.camera, workspace, found.plane)
     depth_words = ["depth: too little of the table is seen"] if checked is None else checked.in_words(record.base_frame)
-    picture = encode_png(draw(found, frame, record.camera, board))
-    try:
-        options.verify.write_bytes(picture)
-    except OSError as error:
-        raise CalibrationError(f"cannot write {options.verify}: {error.strerror}") from None
-    print("\n".join([*found.in_words(), *depth_words, str(options.verify)]))
+    if record.depth is not None:
+        depth_words.append(f"depth was corrected as {options.calibration} says before all this")
+    print("\n".join([*found.in_words(), *depth_words]))
+    if options.verify is not None:
+        _write(options.verify, encode_png(draw(found, frame, record.camera, board)))
+    if options.apply_depth:
+        applied = apply_depth(checked, frame, record, workspace)
+        print("\n".join(applied.in_words()))
+        return say_saved(options.calibration, applied.record)
     return 0
 
 
-def _one_frame(base: str, options: argparse.Namespace, ros_args: list[str]) -> tuple[RawFrame, Pose | None]:
+def _write(path: Path, picture: bytes) -> None:
+    try:
+        path.write_bytes(picture)
+    except OSError as error:
+        raise CalibrationError(f"cannot write {path}: {error.strerror}") from None
+    print(path)
+
+
+def _one_frame(record: CalibrationRecord, board: Board, options: argparse.Namespace, ros_args: list[str]) -> Frame:
+    """Return the camera's next frame, its depth corrected as the record says."""
+    raw, gripper, compressed = _listen(record.base_frame, options, ros_args)
+    color, depth = color_of_raw(raw.color.data, compressed), depth_of_raw(raw.depth.data, compressed)
+    look = BoardDetector(board, record.camera.intrinsics).look(color)
+    corrected = (record.depth or AS_MEASURED).apply(depth)
+    return Frame(color, corrected, tip_of(gripper), look if isinstance(look, BoardView) else None)
+
+
+def _listen(base: str, options: argparse.Namespace, ros_args: list[str]) -> tuple[RawFrame, Pose | None, bool]:
+    """Return a frame, the gripper's pose in the base or None, and whether the images are compressed."""
     gripper = options.gripper_frame or load_preset(options.robot).tcp_frame
     with ros_session(ros_args) as executor:
         node = OneFrame()
@@ -102,6 +125,6 @@ def _one_frame(base: str, options: argparse.Namespace, ros_args: list[str]) -> t
         if node.frame is None:
             raise CalibrationError(f"no frame in {_WAIT_S:.0f} s: {node.fault}")
         try:
-            return node.frame, node.tree.source_in_target(gripper, base)
+            return node.frame, node.tree.source_in_target(gripper, base), node.compressed
         except FrameError:
-            return node.frame, None
+            return node.frame, None, node.compressed
