@@ -16,7 +16,11 @@ from cliport_core.raw_header import header_of_raw
 from cliport_core.sync import ApproximateSync
 
 SLOP_S = 0.02  # stamps that differ by no more are of one frame [s]
-_COMPRESSED = {"color": "/compressed", "depth": "/compressedDepth", "camera_info": ""}
+COMPRESSED_BELOW = {
+    "color": "/compressed",
+    "depth": "/compressedDepth",
+    "camera_info": "",
+}  # where image_transport has them
 _TOPICS = {"color": topics.COLOR, "depth": topics.DEPTH, "camera_info": topics.CAMERA_INFO}
 
 
@@ -67,7 +71,7 @@ class RgbdInput:
             stream: AdaptiveSubscription(
                 node,
                 CameraInfo if stream == "camera_info" else CompressedImage if compressed else Image,
-                topics.of_camera(topic, number) + (_COMPRESSED[stream] if compressed else ""),
+                topics.of_camera(topic, number) + (COMPRESSED_BELOW[stream] if compressed else ""),
                 self._take_info if stream == "camera_info" else partial(self._take_image, stream),
                 raw=True,
             )
