@@ -34,7 +34,7 @@ class RosPicture(NamedTuple):
 
 
 def subscribe_pictures(node: Node, on_picture: Callable[[RosPicture], None]) -> AdaptiveSubscription:
-    """Subscribe to colour, or to the compressed pictures below it where the node's parameter `compressed` is set."""
+    """Begin to receive colour, or the compressed pictures below it where the node's parameter `compressed` is set."""
     compressed = bool(node.declare_parameter("compressed", False).value)
     topic = topics.COLOR + (COMPRESSED_BELOW["color"] if compressed else "")
     kind = CompressedImage if compressed else Image
