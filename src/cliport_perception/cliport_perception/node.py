@@ -78,6 +78,7 @@ class PerceptionNode(Node):
             rectified=bool(self.declare_parameter("rectified", False).value),
             compressed=bool(self.declare_parameter("compressed", False).value),
             sync_slop=self._at_least_0("sync_slop", SLOP_S),
+            decimation=self._whole_number("decimation", 1),
         )
 
     def _number(self, name: str, default: float) -> float:

@@ -15,11 +15,12 @@ from rclpy.parameter import Parameter
 from rclpy.serialization import serialize_message
 from ros_domain import next_domain
 
-from cliport_core import Heightmap, WorkspaceSpec, messages
+from cliport_core import Heightmap, Pose, WorkspaceSpec, messages
 from cliport_core.ros_rgbd import SLOP_S, RawFrame, RawReceived
 from cliport_perception.calibration.calibration_file import CalibrationRecord, Method, save_calibration
 from cliport_perception.camera_file import CameraCalibration
 from cliport_perception.camera_health import HealthLimits
+from cliport_perception.camera_model import CameraModel
 from cliport_perception.conversions import camera_to_msg
 from cliport_perception.depth_correction import DepthCorrection
 from cliport_perception.errors import CalibrationError, UnfitFrameError
@@ -27,6 +28,8 @@ from cliport_perception.node_camera import CameraSettings, CameraStream
 
 FRAME = "camera_color_optical_frame"
 SETTINGS = CameraSettings(WorkspaceSpec(), HealthLimits(), 0.0, 0.0, 0.3, None, 1, False, False, SLOP_S)
+DEPTH_FRAME, DEPTH_INFO = "camera_depth_optical_frame", "/camera/depth/camera_info"
+DEPTH_IN_COLOR = Pose.from_xyz_rpy((-0.05, 0.01, 0.0), (0.0, -0.02, 0.01))
 MakeStream = Callable[..., tuple[CameraStream, list[Heightmap]]]
 
 
@@ -38,7 +41,8 @@ def make_stream(box_scene) -> Iterator[MakeStream]:
     def make(*parameters: Parameter, settings: CameraSettings = SETTINGS) -> tuple[CameraStream, list[Heightmap]]:
         nodes.append(Node("perception", parameter_overrides=list(parameters)))
         seen: list[Heightmap] = []
-        place = lambda frame: box_scene.camera_in_base  # noqa: E731
+        beside = box_scene.camera_in_base @ DEPTH_IN_COLOR
+        place = lambda frame: beside if frame == DEPTH_FRAME else box_scene.camera_in_base  # noqa: E731
         serve = lambda number, products: seen.append(products.heightmap)  # noqa: E731
         return CameraStream(nodes[-1], 1, settings, place, serve), seen
 
@@ -86,3 +90,31 @@ def test_depth_is_corrected_as_the_calibration_says(make_stream: MakeStream, box
 def test_a_calibration_that_is_not_there_is_named(make_stream: MakeStream) -> None:
     with pytest.raises(CalibrationError, match="cannot read"):
         make_stream(Parameter("calibration", value="/nowhere/camera.yaml"))
+
+
+@pytest.mark.parametrize("decimation", [1, 2])
+def test_depth_of_another_camera_is_registered(make_stream: MakeStream, cast_scene, box_scene, decimation: int) -> None:
+    sensor = CameraModel(640, 480, 380.0, 380.0, 318.0, 242.0)
+    raw = cast_scene(sensor, box_scene.camera_in_base @ DEPTH_IN_COLOR)
+    settings = replace(SETTINGS, decimation=decimation)
+    stream, seen = make_stream(Parameter("depth_camera_info", value=DEPTH_INFO), settings=settings)
+    assert stream._input.topic_names["depth_info"] == DEPTH_INFO
+    frame = frame_of(box_scene, raw.depth, stream)
+    info = RawReceived(serialize_message(camera_to_msg(sensor)), frame.stamp_ns)
+    stream._on_frame(frame._replace(depth_frame_id=DEPTH_FRAME, depth_info=info))
+    spec = WorkspaceSpec()
+    on_cube, on_table = (spec.xy_to_pixel(*xy) for xy in ((0.42, -0.08), (0.5, -0.2)))
+    assert seen[-1].height[on_cube] == pytest.approx(0.04, abs=0.003)
+    assert seen[-1].height[on_table] == pytest.approx(0.0, abs=0.003)
+    assert tuple(seen[-1].color[on_cube]) == (200, 30, 30), "depth and colour are not of one place"
+    assert seen[-1].valid_fraction > 0.8
+
+
+def test_a_large_picture_is_made_smaller(make_stream: MakeStream, box_scene) -> None:
+    stream, seen = make_stream(settings=replace(SETTINGS, decimation=2))
+    stream._on_frame(frame_of(box_scene, box_scene.depth, stream))
+    spec = WorkspaceSpec()
+    on_cube, on_table = (spec.xy_to_pixel(*xy) for xy in ((0.42, -0.08), (0.5, -0.2)))
+    assert seen[-1].height[on_cube] == pytest.approx(0.04, abs=0.002)
+    assert seen[-1].height[on_table] == pytest.approx(0.0, abs=0.002)
+    assert stream._processor._builders is not None and stream._processor._builders[1].camera.width == 480
