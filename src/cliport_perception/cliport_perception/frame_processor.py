@@ -15,6 +15,7 @@ from cliport_perception.camera_health import CameraHealth
 from cliport_perception.camera_model import CameraModel
 from cliport_perception.clouds import MARGIN, CloudBuilder, CloudRegion
 from cliport_perception.depth_correction import AS_MEASURED, DepthCorrection
+from cliport_perception.depth_noise import DepthNoise
 from cliport_perception.errors import UnfitFrameError
 from cliport_perception.heightmap_builder import HeightmapBuilder
 from cliport_perception.table_watch import TableLimits, TableWatch
@@ -90,7 +91,9 @@ class FrameProcessor:
         depth_m = self._filter.add(correction.apply(depth_m))
         heightmap = to_heightmap.build(color, depth_m, stamp_ns)
         if self._table is not None:
-            _refuse(self._table.check(depth_m))
+            fault = self._table.check(depth_m)
+            self._adapt(self._table.noise, to_heightmap)
+            _refuse(fault or self._health.check_noise(self._table.noise.sigma))
         _refuse(self._health.check_valid_fraction(heightmap.valid_fraction))
         cloud = None
         if self._points_rate.is_due(stamp_ns):
@@ -99,6 +102,11 @@ class FrameProcessor:
         self._heightmap_rate.note(stamp_ns)
         self._health.on_served()
         return FrameProducts(heightmap, cloud, stamp_ns)
+
+    def _adapt(self, noise: DepthNoise, to_heightmap: HeightmapBuilder) -> None:
+        """Let the frames to come be judged by the noise that was measured up to now."""
+        to_heightmap.adapt(noise)
+        self._filter.adapt(noise)
 
     def _builders_for(
         self, camera: CameraModel, pose: Pose, correction: DepthCorrection
