@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import time
+from contextlib import suppress
 from pathlib import Path
 
 from rclpy.node import Node
@@ -13,7 +14,6 @@ from tf2_msgs.msg import TFMessage
 from cliport_core import messages, topics
 from cliport_core.errors import FrameError
 from cliport_core.image_files import encode_png
-from cliport_core.pose import Pose
 from cliport_core.ros_compressed import color_of_raw, depth_of_raw
 from cliport_core.ros_rgbd import RawFrame, RgbdInput
 from cliport_core.transforms import TransformTree
@@ -27,8 +27,11 @@ from cliport_perception.calibration.ros_session import ros_session
 from cliport_perception.calibration.saving import say_saved
 from cliport_perception.calibration.verification import Frame, draw, tip_of, verify
 from cliport_perception.calibration.view import BoardView
+from cliport_perception.camera_model import CameraModel
+from cliport_perception.conversions import CameraReader
 from cliport_perception.depth_correction import AS_MEASURED
 from cliport_perception.errors import CalibrationError
+from cliport_perception.frame_preparation import FramePreparation, PreparedFrame
 from panda_model.preset_files import load_preset
 
 _WAIT_S = 15.0
@@ -47,8 +50,20 @@ class OneFrame(Node):
         self.create_subscription(TFMessage, topics.TF_STATIC, self._on_tf, latched)
         self.create_subscription(TFMessage, topics.TF, self._on_tf, 100)
         self.compressed = bool(self.declare_parameter("compressed", False).value)
-        self._camera = RgbdInput(self, self._take, self._complain, compressed=self.compressed)
+        self.models = CameraReader(bool(self.declare_parameter("rectified", False).value))
+        depth_info = str(self.declare_parameter("depth_camera_info", "").value)
+        self._camera = RgbdInput(self, self._take, self._complain, compressed=self.compressed, depth_info=depth_info)
         self.create_timer(1.0, self._camera.adapt)
+
+    def images(self, frame: RawFrame, camera: CameraModel) -> PreparedFrame:
+        """Return a frame's colour, and its depth in the colour camera's image. Raises CoreError where that fails."""
+        color = color_of_raw(frame.color.data, self.compressed)
+        depth = depth_of_raw(frame.depth.data, self.compressed)
+        if frame.depth_info is None:
+            return PreparedFrame(color, depth, camera)
+        depth_in_color = self.tree.source_in_target(frame.depth_frame_id, frame.frame_id)
+        depth_camera = self.models.read(frame.depth_info.data)
+        return FramePreparation().unaligned(color, depth, camera, depth_camera, depth_in_color)
 
     def _take(self, frame: RawFrame) -> None:
         self.frame = frame
@@ -102,16 +117,12 @@ def _write(path: Path, picture: bytes) -> None:
 
 
 def _one_frame(record: CalibrationRecord, board: Board, options: argparse.Namespace, ros_args: list[str]) -> Frame:
-    """Return the camera's next frame, its depth corrected as the record says."""
-    raw, gripper, compressed = _listen(record.base_frame, options, ros_args)
-    color, depth = color_of_raw(raw.color.data, compressed), depth_of_raw(raw.depth.data, compressed)
-    look = BoardDetector(board, record.camera.intrinsics).look(color)
-    corrected = (record.depth or AS_MEASURED).apply(depth)
-    return Frame(color, corrected, tip_of(gripper), look if isinstance(look, BoardView) else None)
+    """Return the camera's next frame, its depth corrected as the record says.
 
-
-def _listen(base: str, options: argparse.Namespace, ros_args: list[str]) -> tuple[RawFrame, Pose | None, bool]:
-    """Return a frame, the gripper's pose in the base or None, and whether the images are compressed."""
+    Raises:
+        CalibrationError: when no frame comes.
+        CoreError: when it cannot be used.
+    """
     gripper = options.gripper_frame or load_preset(options.robot).tcp_frame
     with ros_session(ros_args) as executor:
         node = OneFrame()
@@ -124,7 +135,10 @@ def _listen(base: str, options: argparse.Namespace, ros_args: list[str]) -> tupl
             executor.spin_once(timeout_sec=0.1)
         if node.frame is None:
             raise CalibrationError(f"no frame in {_WAIT_S:.0f} s: {node.fault}")
-        try:
-            return node.frame, node.tree.source_in_target(gripper, base), node.compressed
-        except FrameError:
-            return node.frame, None, node.compressed
+        seen = node.images(node.frame, record.camera.intrinsics)
+        tip = None
+        with suppress(FrameError):
+            tip = tip_of(node.tree.source_in_target(gripper, record.base_frame))
+    look = BoardDetector(board, record.camera.intrinsics).look(seen.color)
+    depth = (record.depth or AS_MEASURED).apply(seen.depth_m)
+    return Frame(seen.color, depth, tip, look if isinstance(look, BoardView) else None)
