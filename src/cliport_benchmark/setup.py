@@ -32,6 +32,7 @@ setup(
             "results = cliport_benchmark.results:main",
             "experiment = cliport_benchmark.experiment_cli:main",
             "mounting_curve = cliport_benchmark.mounting_curve:main",
+            "depth_error = cliport_benchmark.depth_error:main",
             "gallery = cliport_benchmark.gallery_cli:main",
         ]
     },

@@ -1,4 +1,4 @@
-"""One camera's colour, aligned depth and intrinsics as they come over ROS, matched by their stamps."""
+"""One camera's colour, depth and intrinsics as they come over ROS, matched by their stamps."""
 
 from __future__ import annotations
 
@@ -16,7 +16,12 @@ from cliport_core.raw_header import header_of_raw
 from cliport_core.sync import ApproximateSync
 
 SLOP_S = 0.02  # stamps that differ by no more are of one frame [s]
-_COMPRESSED = {"color": "/compressed", "depth": "/compressedDepth", "camera_info": ""}
+COMPRESSED_BELOW = {
+    "color": "/compressed",
+    "depth": "/compressedDepth",
+    "camera_info": "",
+}  # where image_transport has them
+_INFOS = ("camera_info", "depth_info")
 _TOPICS = {"color": topics.COLOR, "depth": topics.DEPTH, "camera_info": topics.CAMERA_INFO}
 
 
@@ -30,7 +35,8 @@ class RawReceived(NamedTuple):
 class RawFrame(NamedTuple):
     """Serialized messages of one moment: two images, raw or compressed, and CameraInfo.
 
-    stamp_ns and frame_id are the depth image's.
+    stamp_ns is the depth image's, frame_id the colour's. Where depth is not aligned, depth_frame_id is its own frame
+    and depth_info its own CameraInfo; else the first is frame_id.
     """
 
     color: RawReceived
@@ -38,6 +44,8 @@ class RawFrame(NamedTuple):
     camera_info: RawReceived
     stamp_ns: int
     frame_id: str
+    depth_frame_id: str = ""
+    depth_info: RawReceived | None = None
 
 
 class RgbdInput:
@@ -52,27 +60,30 @@ class RgbdInput:
         slop_s: float = SLOP_S,
         compressed: bool = False,
         number: int = 1,
+        depth_info: str = "",
     ) -> None:
         """Subscribe to the camera's topics; compressed: to those that image_transport puts below them.
 
-        number: of the camera, from 1.
+        number: of the camera, from 1. depth_info: the depth camera's CameraInfo topic, which allows depth in a frame of
+        its own; empty: depth must be aligned with colour.
         on_fault: told why a match cannot be used, in one line; CoreError raised by on_frame ends there too.
         on_message: called with the stream's name, color, depth or camera_info, at every message.
         """
         self._on_frame, self._on_fault, self._on_message = on_frame, on_fault, on_message
         self._now_ns = lambda: int(node.get_clock().now().nanoseconds)
         self._sync: ApproximateSync[RawReceived] = ApproximateSync(("color", "depth"), int(slop_s * 1e9))
-        self._info: RawReceived | None = None
-        self.subscriptions = {
-            stream: AdaptiveSubscription(
-                node,
-                CameraInfo if stream == "camera_info" else CompressedImage if compressed else Image,
-                topics.of_camera(topic, number) + (_COMPRESSED[stream] if compressed else ""),
-                self._take_info if stream == "camera_info" else partial(self._take_image, stream),
-                raw=True,
-            )
-            for stream, topic in _TOPICS.items()
-        }
+        self._infos: dict[str, RawReceived] = {}
+        names = {stream: topics.of_camera(topic, number) for stream, topic in _TOPICS.items()}
+        if depth_info:
+            names["depth_info"] = depth_info
+        self.subscriptions = {}
+        for stream, name in names.items():
+            kind, take = (CompressedImage if compressed else Image), partial(self._take_image, stream)
+            if stream in _INFOS:
+                kind, take = CameraInfo, partial(self._take_info, stream)
+            elif compressed:
+                name += COMPRESSED_BELOW[stream]
+            self.subscriptions[stream] = AdaptiveSubscription(node, kind, name, take, raw=True)
 
     @property
     def topic_names(self) -> dict[str, str]:
@@ -88,9 +99,9 @@ class RgbdInput:
         """Return the numbers of matches made and of images dropped since the last call."""
         return self._sync.take_counts()
 
-    def _take_info(self, raw: bytes) -> None:
-        self._on_message("camera_info")
-        self._info = RawReceived(raw, self._now_ns())
+    def _take_info(self, stream: str, raw: bytes) -> None:
+        self._on_message(stream)
+        self._infos[stream] = RawReceived(raw, self._now_ns())
 
     def _take_image(self, stream: str, raw: bytes) -> None:
         self._on_message(stream)
@@ -102,10 +113,19 @@ class RgbdInput:
             self._on_fault(str(error))
 
     def _frame(self, color: RawReceived, depth: RawReceived) -> RawFrame:
-        if self._info is None:
-            raise ImageError(f"images come, but nothing on {self.subscriptions['camera_info'].topic_name}")
-        stamp_ns, frame = header_of_raw(depth.data)
-        color_frame = header_of_raw(color.data)[1]
-        if color_frame != frame:
-            raise ImageError(f"depth is in frame '{frame}', colour in '{color_frame}': use aligned depth")
-        return RawFrame(color, depth, self._info, stamp_ns, frame)
+        info = self._info("camera_info")
+        stamp_ns, depth_frame = header_of_raw(depth.data)
+        frame = header_of_raw(color.data)[1]
+        if frame == depth_frame:
+            return RawFrame(color, depth, info, stamp_ns, frame, frame)
+        if "depth_info" not in self.subscriptions:
+            raise ImageError(
+                f"depth is in frame '{depth_frame}', colour in '{frame}': use aligned depth; perception can also align "
+                "it itself, with its parameter depth_camera_info"
+            )
+        return RawFrame(color, depth, info, stamp_ns, frame, depth_frame, self._info("depth_info"))
+
+    def _info(self, stream: str) -> RawReceived:
+        if stream not in self._infos:
+            raise ImageError(f"images come, but nothing on {self.subscriptions[stream].topic_name}")
+        return self._infos[stream]

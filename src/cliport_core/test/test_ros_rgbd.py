@@ -93,8 +93,35 @@ def test_faults_are_one_line(listener: Listener) -> None:
     listener.send(topics.CAMERA_INFO, 0)
     listener.send(topics.COLOR, 2000, frame="color")
     listener.send(topics.DEPTH, 2000, frame="depth")
-    assert listener.faults[1:] == ["depth is in frame 'depth', colour in 'color': use aligned depth"]
+    assert len(listener.faults) == 2
+    assert listener.faults[1].startswith("depth is in frame 'depth', colour in 'color': use aligned depth")
     assert not listener.frames
+
+
+def test_depth_of_its_own_frame_comes_with_its_own_intrinsics() -> None:
+    listener = Listener()
+    info = "/camera/depth/camera_info"
+    listener.input = RgbdInput(
+        listener.node,
+        listener.frames.append,
+        listener.faults.append,
+        depth_info=info,  # type: ignore[arg-type]
+    )
+    listener.send(topics.CAMERA_INFO, 0)
+    listener.send(topics.COLOR, 1000, frame="color")
+    listener.send(topics.DEPTH, 1000, frame="depth")
+    assert listener.faults == [f"images come, but nothing on /remapped{info}"]
+    listener.node.now_ns = 9
+    listener.send(info, 0, frame="depth")
+    listener.send(topics.COLOR, 2000, frame="color")
+    listener.send(topics.DEPTH, 2000, frame="depth")
+    (frame,) = listener.frames
+    assert (frame.frame_id, frame.depth_frame_id) == ("color", "depth")
+    assert frame.depth_info is not None and frame.depth_info.received_ns == 9
+    listener.send(topics.COLOR, 3000)
+    listener.send(topics.DEPTH, 3000)
+    aligned = listener.frames[-1]
+    assert (aligned.frame_id, aligned.depth_frame_id, aligned.depth_info) == ("camera", "camera", None)
 
 
 def test_what_the_receiver_refuses_is_a_fault_too() -> None:

@@ -14,23 +14,29 @@ from cliport_core.pose import Pose
 from cliport_core.workspace import WorkspaceSpec
 from cliport_episodes.errors import SetupError
 from cliport_perception.camera_model import CameraModel
+from cliport_perception.depth_correction import AS_MEASURED, DepthCorrection
 
 # Differences up to which two setups count as the same.
 MAX_SHIFT = 1e-3  # of the camera's position [m]
 MAX_TURN = math.radians(0.1)  # of the camera's orientation [rad]
 MAX_INTRINSIC = 0.1  # of focal lengths and centre [pixels]
 MAX_COEFFICIENT = 1e-4  # of distortion coefficients
+MAX_DEPTH = 1e-4  # of the depth camera's scale, and of its offset [m]
 
 
 @dataclass(frozen=True, eq=False)
 class CaptureSetup:
-    """Workspace and camera of a recording; camera_frame: the optical frame; camera_in_base: its pose in base_frame."""
+    """Workspace and camera of a recording.
+
+    camera_frame: the optical frame; camera_in_base: its pose in base_frame; depth: correction of the recorded depth.
+    """
 
     workspace: WorkspaceSpec
     camera: CameraModel
     camera_frame: str
     base_frame: str
     camera_in_base: Pose
+    depth: DepthCorrection = AS_MEASURED
 
     def differences(self, other: CaptureSetup) -> list[str]:
         """Return the differences in words, "here" for this setup, "there" for the other; empty: data can be mixed."""
@@ -43,6 +49,8 @@ class CaptureSetup:
         for name in ("camera_frame", "base_frame"):
             if getattr(self, name) != getattr(other, name):
                 found.append(f"{name} '{getattr(self, name)}' here, '{getattr(other, name)}' there")
+        if not self.depth.is_close(other.depth, MAX_DEPTH):
+            found.append(f"depth is corrected by {self.depth.to_dict()} here, by {other.depth.to_dict()} there")
         return found + _camera_differences(self.camera, other.camera) + self._pose_differences(other)
 
     def _pose_differences(self, other: CaptureSetup) -> list[str]:
@@ -59,6 +67,7 @@ class CaptureSetup:
     def to_dict(self) -> dict[str, Any]:
         """Return plain values, ready for YAML or JSON."""
         camera = self.camera
+        corrected = {} if self.depth.is_identity else {"depth": self.depth.to_dict()}
         return {
             "workspace": self.workspace.to_dict(),
             "camera": {
@@ -74,6 +83,7 @@ class CaptureSetup:
                 "translation": [float(v) for v in self.camera_in_base.translation],
                 "quaternion_xyzw": [float(v) for v in self.camera_in_base.as_quaternion_xyzw()],
             },
+            **corrected,
         }
 
     @classmethod
@@ -101,6 +111,7 @@ class CaptureSetup:
                 camera_frame=str(camera["frame"]),
                 base_frame=str(pose["base_frame"]),
                 camera_in_base=Pose.from_quaternion_xyzw(pose["quaternion_xyzw"], pose["translation"]),
+                depth=DepthCorrection.from_dict(values["depth"]) if "depth" in values else AS_MEASURED,
             )
         except KeyError as error:
             raise SetupError(f"the setup lacks {error}") from None

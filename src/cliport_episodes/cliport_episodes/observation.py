@@ -52,7 +52,7 @@ def observation_from_messages(messages: Iterable[RawMessage], where: str, setup:
 
     The camera model is the setup's: camera_info alone does not say whether the images are rectified already. For
     images of another size it is camera_info's, as of raw images. Where the transforms do not connect camera and base,
-    the setup's calibration is used.
+    the setup's calibration is used. Depth is corrected as the setup says.
 
     Raises:
         ObservationError: when a topic is missing, or a message cannot be used.
@@ -77,7 +77,7 @@ def observation_from_messages(messages: Iterable[RawMessage], where: str, setup:
         return Observation(
             stamp_ns=stamp_of(color),
             color=np.array(decode_color(_buffer(color))),  # the decoded message's own pixels cannot be drawn on
-            depth_m=decode_depth(_buffer(depth)),
+            depth_m=setup.depth.apply(decode_depth(_buffer(depth))),
             camera=_camera(info, setup),
             camera_in_base=_camera_in_base(tree, info.header.frame_id, setup),
             joint_positions=joints,

@@ -14,6 +14,8 @@ from cliport_core.workspace import WorkspaceSpec
 from cliport_perception.camera_health import CameraHealth
 from cliport_perception.camera_model import CameraModel
 from cliport_perception.clouds import MARGIN, CloudBuilder, CloudRegion
+from cliport_perception.depth_correction import AS_MEASURED, DepthCorrection
+from cliport_perception.depth_noise import DepthNoise
 from cliport_perception.errors import UnfitFrameError
 from cliport_perception.heightmap_builder import HeightmapBuilder
 from cliport_perception.table_watch import TableLimits, TableWatch
@@ -57,6 +59,7 @@ class FrameProcessor:
         self._filter = TemporalFilter(depth_frames)
         self._table: TableWatch | None = None
         self._builders: tuple[HeightmapBuilder, CloudBuilder] | None = None
+        self._correction = AS_MEASURED
 
     def admits(self, stamp_ns: int, now_ns: int) -> bool:
         """Return True if a heightmap is due for a frame.
@@ -74,18 +77,23 @@ class FrameProcessor:
         camera: CameraModel,
         camera_in_base: Pose,
         stamp_ns: int,
+        correction: DepthCorrection = AS_MEASURED,
     ) -> FrameProducts:
         """Make the products of color (H, W, 3) RGB and depth_m (H, W) [m], NaN where unknown.
+
+        correction: of depth, before anything is made of it; another one than before begins anew, as another pose does.
 
         Raises:
             ImageError: when an image does not have the camera's size.
             UnfitFrameError: when too little of the workspace is seen, or the camera was moved.
         """
-        to_heightmap, to_cloud = self._builders_for(camera, camera_in_base)
-        depth_m = self._filter.add(depth_m)
+        to_heightmap, to_cloud = self._builders_for(camera, camera_in_base, correction)
+        depth_m = self._filter.add(correction.apply(depth_m))
         heightmap = to_heightmap.build(color, depth_m, stamp_ns)
         if self._table is not None:
-            _refuse(self._table.check(depth_m))
+            fault = self._table.check(depth_m)
+            self._adapt(self._table.noise, to_heightmap)
+            _refuse(fault or self._health.check_noise(self._table.noise.sigma))
         _refuse(self._health.check_valid_fraction(heightmap.valid_fraction))
         cloud = None
         if self._points_rate.is_due(stamp_ns):
@@ -95,10 +103,19 @@ class FrameProcessor:
         self._health.on_served()
         return FrameProducts(heightmap, cloud, stamp_ns)
 
-    def _builders_for(self, camera: CameraModel, pose: Pose) -> tuple[HeightmapBuilder, CloudBuilder]:
+    def _adapt(self, noise: DepthNoise, to_heightmap: HeightmapBuilder) -> None:
+        """Let the frames to come be judged by the noise that was measured up to now."""
+        to_heightmap.adapt(noise)
+        self._filter.adapt(noise)
+
+    def _builders_for(
+        self, camera: CameraModel, pose: Pose, correction: DepthCorrection
+    ) -> tuple[HeightmapBuilder, CloudBuilder]:
         current = self._builders
-        if current and current[1].camera == camera and current[1].camera_in_base.is_close(pose):
+        same = correction.is_close(self._correction)
+        if same and current and current[1].camera == camera and current[1].camera_in_base.is_close(pose):
             return current
+        self._correction = correction
         self._builders = (
             HeightmapBuilder(camera, pose, self._workspace),
             CloudBuilder(camera, pose, self._region),

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from cliport_core.heightmap import Heightmap
+from cliport_perception.camera_health import valid_fraction_fault
 from cliport_perception.errors import UnfitFrameError
 from cliport_perception.frame_processor import FrameProducts
 
@@ -18,10 +19,11 @@ class CameraFusion:
     Args:
         count: of the cameras.
         max_apart_s: by which another camera's view may be older than the first one's [s].
+        min_valid_fraction: share of the workspace that all together must see.
     """
 
-    def __init__(self, count: int, max_apart_s: float) -> None:
-        self._count, self._max_apart_s = count, max_apart_s
+    def __init__(self, count: int, max_apart_s: float, min_valid_fraction: float = 0.0) -> None:
+        self._count, self._max_apart_s, self._min_valid_fraction = count, max_apart_s, min_valid_fraction
         self._heightmaps: dict[int, Heightmap] = {}
         self._clouds: dict[int, tuple[array[int], int]] = {}
 
@@ -32,7 +34,7 @@ class CameraFusion:
 
         Raises:
             UnfitFrameError: at the first one's frame, while another camera gives no fresh view: what it alone sees
-                would be missing.
+                would be missing; or when all together see too little.
         """
         self._heightmaps[number] = products.heightmap
         if products.cloud is not None:
@@ -45,6 +47,8 @@ class CameraFusion:
         for other in range(2, self._count + 1):
             self._check(other, stamp_ns)
         heightmap = fused([self._heightmaps[other] for other in range(1, self._count + 1)])
+        if fault := valid_fraction_fault(heightmap.valid_fraction, self._min_valid_fraction):
+            raise UnfitFrameError(fault)
         if products.cloud is None or len(self._clouds) < self._count:
             return FrameProducts(heightmap, None)
         clouds = [self._clouds[other] for other in range(1, self._count + 1)]

@@ -14,6 +14,7 @@ from cliport_core.heightmap import Heightmap
 from cliport_core.pose import Pose
 from cliport_core.workspace import WorkspaceSpec
 from cliport_perception.camera_model import CameraModel
+from cliport_perception.depth_noise import DepthNoise
 from cliport_perception.scratch import Scratch
 
 FloatImage: TypeAlias = npt.NDArray[np.float32]
@@ -45,11 +46,12 @@ class HeightmapBuilder:
         self.camera = camera
         self.camera_in_base = camera_in_base
         self.workspace = workspace
-        self.max_depth_step = float(max_depth_step)
+        self.max_depth_step = self._quiet_step = float(max_depth_step)
         rays = camera.rays() @ camera_in_base.rotation.T.astype(np.float32)  # (H, W, 3), base frame
         self._roi = _region_of_interest(rays, camera_in_base, workspace)
         roi_rays = np.ascontiguousarray(np.moveaxis(rays[self._roi], -1, 0))  # (3, h, w)
-        self._splits = _splits_per_pixel(roi_rays, camera_in_base, workspace)
+        self._gaps = _widest_gaps(roi_rays, camera_in_base, workspace)
+        self._splits = self._splits_with(_JITTER)
         numbers = np.arange(camera.height * camera.width, dtype=np.int64).reshape(camera.height, camera.width)
         self._pixels = np.ascontiguousarray(numbers[self._roi]).ravel()  # of the region, by number in the whole image
         # grid coordinates are (cell column, cell row, height step): one multiply and one add per pixel
@@ -59,6 +61,11 @@ class HeightmapBuilder:
         self._offset = ((camera_in_base.translation - origin) / scale).astype(np.float32)
         self._scratch = Scratch()
         self._height_steps = (workspace.z_max - workspace.z_min) / _HEIGHT_STEP
+
+    def adapt(self, noise: DepthNoise) -> None:
+        """Let the steps between neighbours on one surface be as large as the noise of depth makes them."""
+        self.max_depth_step = self._quiet_step * noise.growth
+        self._splits = self._splits_with(_JITTER * noise.growth)
 
     def build(self, color: npt.NDArray[np.uint8], depth_m: FloatImage, stamp_ns: int = 0) -> Heightmap:
         """Make a heightmap from color (H, W, 3) RGB and depth_m (H, W) [m], not finite or <= 0 where unknown.
@@ -123,6 +130,12 @@ class HeightmapBuilder:
 
     def _blend(self, planes: FloatImage, share: float, axis: int, name: str) -> FloatImage:
         return _blend(planes, share, axis, self._scratch.array(name, planes.shape, np.float32))
+
+    def _splits_with(self, jitter: float) -> tuple[int, int]:
+        """Return the samples (down, right) that a pixel needs for one in every cell of the workspace's floor."""
+        cell = self.workspace.pixel_size
+        down, right = (min(_MAX_SPLITS, max(1, math.ceil((gap + jitter) / cell))) for gap in self._gaps)
+        return down, right
 
     def _check_sizes(self, color: npt.NDArray[np.uint8], depth_m: FloatImage) -> None:
         size = (self.camera.height, self.camera.width)
@@ -214,17 +227,16 @@ def _region_of_interest(
     )
 
 
-def _splits_per_pixel(rays: npt.NDArray[np.float32], camera_in_base: Pose, workspace: WorkspaceSpec) -> tuple[int, int]:
-    """Return the samples (down, right) that a pixel needs for one in every cell of the workspace's floor."""
+def _widest_gaps(rays: npt.NDArray[np.float32], camera_in_base: Pose, workspace: WorkspaceSpec) -> list[float]:
+    """Return how far apart neighbouring pixels (down, right) see the workspace's floor at most [m]."""
     drop = workspace.z_min - camera_in_base.translation[2]
     with np.errstate(divide="ignore", invalid="ignore"):
         xy = rays[:2] * (drop / rays[2])  # (2, h, w): where the rays meet the floor
     x, y = xy[0] + camera_in_base.translation[0], xy[1] + camera_in_base.translation[1]
     inside = (x > workspace.x_min) & (x < workspace.x_max) & (y > workspace.y_min) & (y < workspace.y_max)
-    splits = []
+    widest = []
     for axis in (1, 2):
         gap = np.abs(np.diff(xy, axis=axis)).max(axis=0)
         near = np.take(inside, range(gap.shape[axis - 1]), axis=axis - 1)
-        widest = float(gap[near].max()) if near.any() else workspace.pixel_size
-        splits.append(min(_MAX_SPLITS, max(1, math.ceil((widest + _JITTER) / workspace.pixel_size))))
-    return splits[0], splits[1]
+        widest.append(float(gap[near].max()) if near.any() else workspace.pixel_size)
+    return widest

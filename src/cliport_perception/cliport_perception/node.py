@@ -46,8 +46,9 @@ class PerceptionNode(Node):
         """Begin to listen. options: of rclpy's Node."""
         super().__init__("cliport_perception", **options)
         self._base_frame = declare_base_frame(self, declare_robot(self))
-        settings = self._settings()
         count = self._whole_number("cameras", 1, _MOST_CAMERAS)
+        limits = HealthLimits.read(self._number)
+        settings = self._settings(limits.of_each(count))
         self._reports = 0
         self._transforms = TransformTree()
         self._throttles = [MessageThrottle(LOG_PERIOD_S) for _ in range(count)]
@@ -58,18 +59,18 @@ class PerceptionNode(Node):
         latched = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self.create_subscription(TFMessage, topics.TF_STATIC, self._on_tf, latched)
         self.create_subscription(TFMessage, topics.TF, self._on_tf, 100)
-        self._fusion = CameraFusion(count, settings.limits.max_age_s)
+        self._fusion = CameraFusion(count, limits.max_age_s, limits.min_valid_fraction)
         self._cameras = [
             CameraStream(self, number, settings, self._place, self._serve) for number in range(1, count + 1)
         ]
         # wall time: the report must come even when simulated time stands still
         self.create_timer(1.0, self._report, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
-    def _settings(self) -> CameraSettings:
+    def _settings(self, limits: HealthLimits) -> CameraSettings:
         path = str(self.declare_parameter("workspace", "").value)
         return CameraSettings(
             workspace=WorkspaceSpec.load(path) if path else WorkspaceSpec(),
-            limits=HealthLimits(self._number("max_age", 1.0), self._number("min_valid_fraction", 0.05)),
+            limits=limits,
             heightmap_rate=self._at_least_0("heightmap_rate", 10.0),
             points_rate=self._at_least_0("points_rate", 2.0),
             points_margin=self._at_least_0("points_margin", MARGIN),
@@ -78,6 +79,7 @@ class PerceptionNode(Node):
             rectified=bool(self.declare_parameter("rectified", False).value),
             compressed=bool(self.declare_parameter("compressed", False).value),
             sync_slop=self._at_least_0("sync_slop", SLOP_S),
+            decimation=self._whole_number("decimation", 1),
         )
 
     def _number(self, name: str, default: float) -> float:

@@ -12,7 +12,9 @@ from cliport_core.ros_compressed import color_of_raw, depth_of_raw
 from cliport_core.ros_rgbd import RawFrame, RgbdInput
 from cliport_core.workspace import WorkspaceSpec
 from cliport_perception import conversions
+from cliport_perception.calibration.correction_watch import CorrectionWatch
 from cliport_perception.camera_health import CameraHealth, HealthLimits, HealthReport
+from cliport_perception.frame_preparation import FramePreparation
 from cliport_perception.frame_processor import FrameProcessor, FrameProducts
 from cliport_perception.table_watch import TableLimits
 
@@ -34,16 +36,22 @@ class CameraSettings:
     rectified: bool
     compressed: bool
     sync_slop: float
+    decimation: int = 1
 
 
 class CameraStream:
     """Listens to one camera; number: its own, from 1. Whatever is wrong with a frame ends in its report."""
 
     def __init__(self, node: Node, number: int, settings: CameraSettings, place: Place, serve: Serve) -> None:
+        """Begin to listen. Raises CalibrationError when the camera's calibration cannot be used."""
         self.number = number
+        own = "" if number == 1 else str(number)  # at the end of parameters of this camera alone
+        self._correction = CorrectionWatch(str(node.declare_parameter(f"calibration{own}", "").value))
+        depth_info = str(node.declare_parameter(f"depth_camera_info{own}", "").value)
         self._now_ns = lambda: int(node.get_clock().now().nanoseconds)
         self._compressed, self._place, self._serve = settings.compressed, place, serve
-        self._models = conversions.CameraReader(settings.rectified)
+        self._models, self._depth_models = (conversions.CameraReader(settings.rectified) for _ in range(2))
+        self._preparation = FramePreparation(settings.decimation)
         self._input = RgbdInput(
             node,
             self._on_frame,
@@ -52,6 +60,7 @@ class CameraStream:
             settings.sync_slop,
             settings.compressed,
             number,
+            depth_info,
         )
         self._health = CameraHealth(self._input.topic_names, settings.limits)
         self._processor = FrameProcessor(
@@ -72,6 +81,7 @@ class CameraStream:
     def report(self) -> HealthReport:
         """Return the camera's state; to be called once a second."""
         self._input.adapt()
+        self._correction.poll()
         return self._health.report(self._now_ns(), *self._input.take_counts())
 
     def _on_frame(self, frame: RawFrame) -> None:
@@ -81,4 +91,11 @@ class CameraStream:
         pose = self._place(frame.frame_id)
         color = color_of_raw(frame.color.data, self._compressed)
         depth = depth_of_raw(frame.depth.data, self._compressed)
-        self._serve(self.number, self._processor.process(color, depth, camera, pose, frame.stamp_ns))
+        if frame.depth_info is None:
+            prepared = self._preparation.aligned(color, depth, camera)
+        else:
+            depth_in_color = pose.inverse() @ self._place(frame.depth_frame_id)
+            depth_camera = self._depth_models.read(frame.depth_info.data)
+            prepared = self._preparation.unaligned(color, depth, camera, depth_camera, depth_in_color)
+        correction = self._correction.of_frame(frame.frame_id)
+        self._serve(self.number, self._processor.process(*prepared, pose, frame.stamp_ns, correction))

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from cliport_core.pose import Pose
+from cliport_core.pose import FloatArray, Pose
 from cliport_core.workspace import WorkspaceSpec
 from cliport_perception.camera_model import CameraModel
+from cliport_perception.depth_noise import DepthNoise, DepthNoiseMeter, depth_sigma
 
 # A usable calibration has the table from so far below the workspace's floor to so far above it, or above z = 0 [m].
 _BELOW_FLOOR, _ABOVE_FLOOR, _ABOVE_ZERO = 0.04, 0.06, 0.04
@@ -42,9 +43,10 @@ class TablePlane(NamedTuple):
 class TableLimits:
     """Limits within which the table must stay.
 
-    max_shift [m] and max_tilt [rad]: against the first frames; max_off_tilt [rad]: of those against the base's
-    x-y plane. first_frames: whose median is the reference. patience: frames in a row beyond a limit before one is
-    refused. min_share: of the pixels that look at the workspace, on the plane.
+    max_shift [m] and max_tilt [rad]: against the first frames, for a camera with little noise; see `grown`.
+    max_off_tilt [rad]: of those against the base's x-y plane. first_frames: whose median is the reference. patience:
+    frames in a row beyond a limit before one is refused. min_share: of the pixels that look at the workspace, on the
+    plane.
     """
 
     max_shift: float = 0.003
@@ -53,6 +55,17 @@ class TableLimits:
     first_frames: int = 5
     patience: int = 3
     min_share: float = 0.25
+
+    def grown(self, noise: DepthNoise) -> TableLimits:
+        """Return the limits for a camera with this noise: its plane wanders more."""
+        return replace(self, max_shift=self.max_shift * noise.growth, max_tilt=self.max_tilt * noise.growth)
+
+
+class _SeenPoints(NamedTuple):
+    """Points (N, 3) [m, base frame], and by how much each one's ray falls for each metre of depth (N,)."""
+
+    points: FloatArray
+    drops: FloatArray
 
 
 class TableWatch:
@@ -78,13 +91,23 @@ class TableWatch:
         self._first: list[TablePlane] = []
         self._beyond = 0
         self.plane: TablePlane | None = None
+        self._meter = DepthNoiseMeter()
+
+    @property
+    def noise(self) -> DepthNoise:
+        """The noise of depth on the table over the last frames that were checked."""
+        return self._meter.noise
 
     def check(self, depth_m: npt.NDArray[np.float32]) -> str | None:
         """Note a depth image (H, W) [m]; return why it must not be acted on, or None."""
-        points = self._points_over_workspace(depth_m)
-        plane = self._plane_of(points)
-        if plane is None and len(points) < self._least:
+        seen = self._seen_over_workspace(depth_m)
+        plane = self._plane_of(seen.points)
+        if plane is None and len(seen.points) < self._least:
             return None  # hidden by a hand or by things: nothing can be said
+        if plane is not None:
+            off = seen.points[:, 2] - plane.height
+            off -= (seen.points[:, :2] - self._middle) @ np.array([plane.slope_x, plane.slope_y])
+            self._meter.add(depth_sigma(off, seen.drops))
         words = self._judge(plane)
         self._beyond = self._beyond + 1 if words else 0
         return words if self._beyond >= self._limits.patience else None
@@ -94,7 +117,7 @@ class TableWatch:
 
         It is sought where the calibration has it, and when it is not there, from 0.3 m below the workspace to its top.
         """
-        return self._plane_of(self._points_over_workspace(depth_m))
+        return self._plane_of(self._seen_over_workspace(depth_m).points)
 
     def _judge(self, plane: TablePlane | None) -> str | None:
         """Return what is wrong with a plane; the first good ones become the reference."""
@@ -108,16 +131,15 @@ class TableWatch:
             return None
         return self._fault(plane)
 
-    def _points_over_workspace(self, depth_m: npt.NDArray[np.float32]) -> npt.NDArray[np.float64]:
-        """Return the points (N, 3) [m] over the workspace's area at which a table is looked for."""
+    def _seen_over_workspace(self, depth_m: npt.NDArray[np.float32]) -> _SeenPoints:
+        """Return the points over the workspace's area at which a table is looked for."""
         depth = depth_m[:: self._every, :: self._every].reshape(-1, 1)
         with np.errstate(invalid="ignore"):
             points = self._rays * depth + self._origin
             inside = self._workspace.contains(points)
             inside &= points[:, 2] > self._workspace.z_min - _SEARCHED_BELOW
             inside &= points[:, 2] < self._workspace.z_max
-        found: npt.NDArray[np.float64] = points[inside]
-        return found
+        return _SeenPoints(points[inside], -self._rays[inside, 2])
 
     def _plane_of(self, points: npt.NDArray[np.float64]) -> TablePlane | None:
         near = points[self._is_expected(points[:, 2])]
@@ -156,7 +178,7 @@ class TableWatch:
         return TablePlane(float(plane[0]), float(plane[1]), float(plane[2]), residual)
 
     def _fault(self, plane: TablePlane) -> str | None:
-        limits = self._limits
+        limits = self._limits.grown(self.noise)
         reference = TablePlane(*np.median(np.array(self._first), axis=0))
         shift, tilt = plane.shift_from(reference)
         if shift > limits.max_shift or tilt > limits.max_tilt:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 
 import numpy as np
 import numpy.typing as npt
+
+from cliport_perception.depth_noise import DepthNoise
 
 FloatImage = npt.NDArray[np.float32]
 
@@ -19,7 +22,13 @@ class TemporalFilter:
 
     def __init__(self, frames: int, max_step: float = 0.01) -> None:
         self._frames: deque[FloatImage] = deque(maxlen=max(1, frames))
-        self._max_step = np.float32(max_step)
+        self._quiet_step, self._max_step = max_step, np.float32(max_step)
+
+    def adapt(self, noise: DepthNoise) -> None:
+        """Let frames of one surface differ as much as the noise makes them that is left after this filter."""
+        if noise.sigma is not None:
+            before = DepthNoise(noise.sigma * math.sqrt(max(1, len(self._frames))))
+            self._max_step = np.float32(self._quiet_step * before.growth)
 
     def add(self, depth_m: FloatImage) -> FloatImage:
         """Return the filtered depth (H, W) [m] of a new frame, NaN where it sees nothing."""

@@ -18,9 +18,11 @@ from cliport_perception.calibration.view import fit_view
 
 # the logic is tested without any build; these need the built messages
 NEED_MESSAGES = [
+    "test_calibration_compressed.py",
     "test_calibration_lens_nodes.py",
     "test_calibration_moves.py",
     "test_calibration_nodes.py",
+    "test_camera_stream.py",
     "test_conversions.py",
     "test_drivers.py",
     "test_node.py",

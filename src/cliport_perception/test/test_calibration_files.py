@@ -119,7 +119,7 @@ def edited(tmp_path: Path, edit) -> Path:
     [(lambda c: c.pop("calibration"), "holds a camera, but no 'calibration'"),
      (lambda c: c["calibration"].pop("made"), "lacks made"),
      (lambda c: c["calibration"].update(mood=1), "has the unknown mood"),
-     (lambda c: c["calibration"].update(version=2), "reads version 1"),
+     (lambda c: c["calibration"].update(version=3), "reads versions 1 to 2"),
      (lambda c: c["calibration"].update(method="guess"), "'guess' is not a valid Method"),
      (lambda c: c["calibration"].update(made="yesterday"), "Invalid isoformat"),
      (lambda c: c["calibration"].update(made="2026-11-22T05:00:00"), "time zone"),

@@ -73,7 +73,7 @@ def test_depth_that_shows_nothing_is_refused_and_reported() -> None:
     health = healthy()
     reason = health.check_valid_fraction(0.0)
     assert reason is not None
-    assert reason.startswith("depth is valid in 0.0 % of the workspace (at least 5 % needed)")
+    assert reason.startswith("depth is valid in 0.0 % of the workspace (at least 50 % needed)")
     health.on_fault(reason)
     report = health.report(100 * S, 5, 0)
     assert (report.level, report.message) == (Level.ERROR, reason)

@@ -97,3 +97,14 @@ def test_a_camera_that_fell_silent_is_named(stamp: float, words: str) -> None:
     with pytest.raises(UnfitFrameError) as caught:
         fusion.put(1, view({}))
     assert words in str(caught.value)
+
+
+def test_what_all_together_see_too_little_of_is_refused() -> None:
+    half = {(row, col): (0.0, (1, 2, 3)) for row in range(SPACE.shape[0] // 2) for col in range(SPACE.shape[1])}
+    fusion = CameraFusion(2, 1.0, 0.6)
+    assert fusion.put(2, view(half)) is None
+    with pytest.raises(UnfitFrameError, match=r"depth is valid in 50\.0 % of the workspace \(at least 60 % needed\)"):
+        fusion.put(1, view(half))
+    other = {(SPACE.shape[0] - 1 - row, col): what for (row, col), what in half.items()}
+    fusion.put(2, view(other))
+    assert fusion.put(1, view(half)) is not None

@@ -12,14 +12,23 @@ import pytest
 import rclpy
 from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
+from rclpy.serialization import serialize_message
 from ros_domain import next_domain
 from sensor_msgs.msg import CameraInfo, Image
 
 from cliport_core import Pose, messages, topics
+from cliport_core.errors import FrameError
+from cliport_core.ros_rgbd import RawFrame, RawReceived
 from cliport_perception import CameraModel, conversions
 from cliport_perception.calibration.board import Board
-from cliport_perception.calibration.calibration_file import CalibrationRecord, Method, save_calibration
+from cliport_perception.calibration.calibration_file import (
+    CalibrationRecord,
+    Method,
+    load_calibration,
+    save_calibration,
+)
 from cliport_perception.calibration.cli import main
+from cliport_perception.calibration.ros_verify import OneFrame
 from cliport_perception.calibration.synthetic import SyntheticCamera
 from cliport_perception.camera_file import CameraCalibration
 
@@ -47,7 +56,7 @@ def test_verify_reports_depth_and_the_executors_table_height(
     thread = threading.Thread(target=show, args=(domain, color, depth, stop))
     thread.start()
     try:
-        status = main(["--verify", str(tmp_path / "check.png"), "--calibration", str(calibration)])
+        status = main(["--verify", str(tmp_path / "check.png"), "--apply-depth", "--calibration", str(calibration)])
     finally:
         stop.set()
         thread.join()
@@ -60,6 +69,33 @@ def test_verify_reports_depth_and_the_executors_table_height(
     scale, scale_3, offset, offset_3 = map(float, found.groups())
     assert abs(scale - SCALE) < scale_3 < 0.02 and abs(offset - 1e3 * OFFSET) < offset_3 < 10.0
     assert re.search(r"table_z: perception sees .* in panda_link0: set the executor's table_z to -?0\.00\d\d\n", out)
+    known = load_calibration(calibration)
+    assert known.depth is not None and known.table_z is not None
+    assert known.depth.scale == pytest.approx(SCALE, abs=scale_3) and abs(known.table_z) < 0.005
+    assert len(list(tmp_path.glob("camera.*.yaml"))) == 1, "the calibration that was there is kept"
+
+
+def test_the_check_registers_depth_of_another_frame(cast_scene) -> None:
+    rclpy.init(args=["--ros-args", "-p", "depth_camera_info:=/camera/depth/camera_info"], domain_id=next_domain())
+    node = OneFrame()
+    try:
+        beside = Pose.from_xyz_rpy((-0.05, 0.01, 0.0), (0.0, -0.02, 0.01))
+        sensor = CameraModel(320, 240, 190.0, 190.0, 159.0, 121.0)
+        true, raw = cast_scene(LENS, POSE), cast_scene(sensor, POSE @ beside)
+        sent = [messages.image_to_msg(true.color, "rgb8"), messages.image_to_msg(raw.depth, "32FC1")]
+        sent += [conversions.camera_to_msg(LENS), conversions.camera_to_msg(sensor)]
+        color, depth, info, depth_info = (RawReceived(serialize_message(message), 1) for message in sent)
+        frame = RawFrame(color, depth, info, 1, "color", "depth", depth_info)
+        with pytest.raises(FrameError, match="no transform"):
+            node.images(frame, LENS)
+        node.tree.put("color", "depth", beside)
+        seen = node.images(frame, LENS)
+        assert seen.depth_m.shape == true.depth.shape
+        off = np.abs(seen.depth_m - true.depth)
+        assert np.isfinite(off).mean() > 0.5 and np.nanmedian(off) < 0.002
+    finally:
+        node.destroy_node()
+        rclpy.try_shutdown()
 
 
 def show(domain: int, color: Image, depth: Image, stop: threading.Event) -> None:

@@ -136,7 +136,7 @@ class ArmWork:
         def write() -> None:
             self._recorder.begin_episode(setup)
             self._recorder.add_step(
-                drawn.view.raw, lambda step: record_of(step, drawn, instruction, None, self._config)
+                drawn.view.to_record(), lambda step: record_of(step, drawn, instruction, None, self._config)
             )
 
         self.write_to_disk(write)

@@ -2,28 +2,36 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 from tf2_msgs.msg import TFMessage
 
-from cliport_core.images import decode_color, decode_depth
+from cliport_core import topics
 from cliport_core.messages import heightmap_from_msg
-from cliport_core.raw_image import image_of_raw
+from cliport_core.ros_compressed import color_of_raw, image_of_compressed
+from cliport_episodes.raw import RawMessage
 from cliport_interfaces.msg import Heightmap as HeightmapMsg
-from demo_tool.live_view import ColorImage, DepthImage
+from demo_tool.live_view import ColorImage
+
+IMAGE, COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
 
 _UNSEEN_GREY = 40  # of cells that were not seen
 
 
-def color_from_raw(raw: bytes) -> ColorImage:
-    """Decode a serialized Image into (H, W, 3) RGB. Raises ImageError, EncodingError."""
-    return np.array(decode_color(image_of_raw(raw)))  # a copy that can be drawn on
+def color_from_raw(raw: bytes, compressed: bool = False) -> ColorImage:
+    """Decode a serialized Image or CompressedImage into (H, W, 3) RGB. Raises ImageError, EncodingError."""
+    return np.array(color_of_raw(raw, compressed))  # a copy that can be drawn on
 
 
-def depth_from_raw(raw: bytes) -> DepthImage:
-    """Decode a serialized Image into depth (H, W) [m], NaN where unknown. Raises ImageError, EncodingError."""
-    return decode_depth(image_of_raw(raw))
+def recordable(message: RawMessage) -> RawMessage:
+    """Return a compressed picture as the raw one that is recorded, any other message as it is. Raises ImageError."""
+    if message.type != COMPRESSED:
+        return message
+    unpacked = image_of_compressed(message.data, message.topic == topics.DEPTH)
+    return replace(message, type=IMAGE, data=unpacked)
 
 
 def joint_names_from_raw(raw: bytes) -> tuple[str, ...]:

@@ -12,9 +12,14 @@ import numpy.typing as npt
 from cliport_core.pose import Pose
 from cliport_episodes.raw import RawMessage
 from cliport_perception.camera_model import CameraModel
+from cliport_perception.depth_correction import AS_MEASURED, DepthCorrection
 
 ColorImage = npt.NDArray[np.uint8]
 DepthImage = npt.NDArray[np.float32]
+
+
+def _as_it_is(raw: RawMessage) -> RawMessage:
+    return raw
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,8 +27,9 @@ class LiveView:
     """Colour and depth of one stamp, and the messages that they came in.
 
     stamp_ns: stamp of the images; received_ns: time of receipt [both ns, ROS time]; frame: the camera's optical frame;
-    camera_in_base: its pose in the base frame; raw: messages to record of this moment, as received; read_color and
-    read_depth decode the images, and may raise CoreError.
+    camera_in_base: its pose in the base frame; raw: messages of this moment, as received; read_color and read_depth
+    decode the images, and may raise CoreError; unpack makes of such a message the one to record; correction: of what
+    the depth camera measures.
     """
 
     stamp_ns: int
@@ -34,6 +40,8 @@ class LiveView:
     raw: tuple[RawMessage, ...]
     read_color: Callable[[], ColorImage]
     read_depth: Callable[[], DepthImage]
+    unpack: Callable[[RawMessage], RawMessage] = _as_it_is
+    correction: DepthCorrection = AS_MEASURED
 
     @cached_property
     def color(self) -> ColorImage:
@@ -42,5 +50,9 @@ class LiveView:
 
     @cached_property
     def depth_m(self) -> DepthImage:
-        """Depth image, (H, W) float32 [m], NaN where unknown."""
-        return self.read_depth()
+        """Corrected depth image, (H, W) float32 [m], NaN where unknown."""
+        return self.correction.apply(self.read_depth())
+
+    def to_record(self) -> tuple[RawMessage, ...]:
+        """Return the messages to record: depth as it was measured, whatever corrects it. May raise CoreError."""
+        return tuple(map(self.unpack, self.raw))

@@ -194,7 +194,7 @@ class PageCommands:
             problem, view = self._problem(), self._watch.view
         if problem == BEFORE_REST:
             raise NotNowError(problem)
-        raw = view.raw if problem is None and view is not None else ()
+        raw = view.to_record() if problem is None and view is not None else ()
         return self._recorder.finish(raw, success), bool(raw)
 
     def _discard_episode(self, _: Arguments) -> Answer:

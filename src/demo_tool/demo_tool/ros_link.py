@@ -10,9 +10,9 @@ from rclpy.parameter import Parameter
 from cliport_core import topics
 from cliport_core.ros_spin_queue import SpinQueue
 from cliport_core.workspace import WorkspaceSpec
-from demo_tool.errors import StationError
+from cliport_perception.calibration.correction_watch import CorrectionWatch
 from demo_tool.ros_arm import RosArm
-from demo_tool.ros_camera import RosCamera
+from demo_tool.ros_camera import PictureSettings, RosCamera
 from demo_tool.ros_policy import RosPolicy
 from demo_tool.ros_scenes import RosScenes
 from demo_tool.station import Station
@@ -27,25 +27,26 @@ _ADAPT_EVERY = 20  # ticks between two looks for the camera's publishers
 class RosLink(Node):
     """Node with the ports of one station: make that with `config`, `arm`, `policy` and `scenes`, then `attach` it.
 
-    It is spun by a single-threaded executor: no callback takes long. rectified: the camera's images are rectified
-    already.
+    It is spun by a single-threaded executor: no callback takes long. pictures: how the camera's come.
 
     Raises:
-        CoreError: when the workspace's file or the preset of the robot is unusable.
-        StationError: when compressed images are asked for.
+        CoreError: when the file of workspace or calibration, or the preset of the robot, is unusable.
     """
 
     def __init__(self, parameter_overrides: list[Parameter] | None = None) -> None:
         super().__init__("demo_tool", parameter_overrides=parameter_overrides)
-        self.rectified = bool(self.declare_parameter("rectified", False).value)
-        if self.declare_parameter("compressed", False).value:
-            raise StationError("the page records raw images: start it without compressed:=true")
+        self.pictures = PictureSettings(
+            bool(self.declare_parameter("rectified", False).value),
+            bool(self.declare_parameter("compressed", False).value),
+            CorrectionWatch(str(self.declare_parameter("calibration", "").value)),
+        )
         path = str(self.declare_parameter("workspace", "").value)
         arm = declare_robot(self)
         self.robot = arm.name
         base_frame = declare_base_frame(self, arm)
         workspace = WorkspaceSpec.load(path) if path else WorkspaceSpec()
-        self.config = StationConfig(workspace, base_frame, BoxConfig(hand=arm.hand), home=ready_pose(arm))
+        box = BoxConfig(table_z=self.pictures.correction.table_z or 0.0, hand=arm.hand)
+        self.config = StationConfig(workspace, base_frame, box, home=ready_pose(arm))
         self._queue = SpinQueue(self)
         self.arm = RosArm(self, base_frame, self._queue.post)
         self.policy = RosPolicy(self, base_frame, self._queue.post)
@@ -57,7 +58,7 @@ class RosLink(Node):
     def attach(self, station: Station) -> None:
         """Connect the station to the graph; to be called before the node is spun."""
         self._station = station
-        self._camera = RosCamera(self, self.config.base_frame, station, self._now_ns, self.rectified)
+        self._camera = RosCamera(self, self.config.base_frame, station, self._now_ns, self.pictures)
         self.policy.attach(station)
         # wall time: what waits must end when simulated time stands still
         self.create_timer(_TICK, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))

@@ -35,7 +35,7 @@ class StepKeeper:
         """Record a step, and keep it where that fails. Raises EpisodesError, StationError, OSError."""
         try:
             self._recorder.add_step(
-                step.drawn.view.raw,
+                step.drawn.view.to_record(),
                 lambda number: record_of(number, step.drawn, step.instruction, step.result, self._config),
             )
         except BaseException:

@@ -16,7 +16,9 @@ from demo_tool.station_config import StationConfig
 
 def setup_of(view: LiveView, config: StationConfig) -> CaptureSetup:
     """Return the setup, which must be the same in all episodes of a data set."""
-    return CaptureSetup(config.workspace, view.camera, view.frame, config.base_frame, view.camera_in_base)
+    return CaptureSetup(
+        config.workspace, view.camera, view.frame, config.base_frame, view.camera_in_base, view.correction
+    )
 
 
 def goal_of(drawn: DrawnAction, instruction: str, plan_only: bool = False) -> ActionGoal:

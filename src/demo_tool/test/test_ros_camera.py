@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from datetime import datetime, timezone
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,22 +15,32 @@ from geometry_msgs.msg import TransformStamped
 from rclpy.parameter import Parameter
 from rclpy.serialization import serialize_message
 from ros_domain import next_domain
-from sensor_msgs.msg import JointState
+from sensor_msgs.msg import CompressedImage, JointState
 from station_fakes import FakeTable
 from tf2_msgs.msg import TFMessage
 
 from cliport_core import messages as shared
+from cliport_core import topics
+from cliport_core.compressed_depth import encode_compressed_depth
 from cliport_core.errors import CoreError
 from cliport_core.heightmap import Heightmap
+from cliport_core.image_files import encode_png
+from cliport_core.images import decode_depth
+from cliport_core.raw_image import image_of_raw
 from cliport_core.ros_rgbd import RawFrame, RawReceived
 from cliport_core.workspace import WorkspaceSpec
+from cliport_episodes.observation import observation_from_messages
+from cliport_perception.calibration.calibration_file import CalibrationRecord, Method, save_calibration
+from cliport_perception.camera_file import CameraCalibration
 from cliport_perception.conversions import camera_to_msg
+from cliport_perception.depth_correction import DepthCorrection
 from demo_tool.conversions import scene_from_raw
-from demo_tool.errors import StationError
 from demo_tool.live_view import LiveView
 from demo_tool.ros_camera import RosCamera
 from demo_tool.ros_link import RosLink
 from demo_tool.station import Station
+from demo_tool.station_config import StationConfig
+from demo_tool.steps import setup_of
 
 FRAME = "camera_color_optical_frame"
 
@@ -43,7 +55,7 @@ def graph() -> Iterator[None]:
 def attached(root: Path, *parameters: Parameter) -> tuple[RosLink, RosCamera, Station]:
     link = RosLink(list(parameters))
     station = Station(link.config, link.arm, link.policy, root)
-    return link, RosCamera(link, link.config.base_frame, station, lambda: 1, link.rectified), station
+    return link, RosCamera(link, link.config.base_frame, station, lambda: 1, link.pictures), station
 
 
 @pytest.mark.parametrize(("rectified", "larger"), [(False, 1.0), (True, 1.25)])
@@ -93,9 +105,60 @@ def test_a_link_without_a_station_ends_well() -> None:
     link.destroy_node()
 
 
-def test_compressed_pictures_are_refused() -> None:
-    with pytest.raises(StationError, match="records raw images"):
-        RosLink([Parameter("compressed", value=True)])
+def placed_frame(root: Path, parameters: list[Parameter], messages: list[Any], frame: str = FRAME) -> LiveView:
+    """What the station is shown of one frame."""
+    transform = TransformStamped(child_frame_id=frame)
+    transform.header.frame_id = "panda_link0"
+    transform.transform = shared.pose_to_transform_msg(FakeTable().camera_in_base)
+    link, camera, station = attached(root, *parameters)
+    seen: list[LiveView] = []
+    station.on_camera = seen.append  # type: ignore[method-assign]
+    camera._on_static(serialize_message(TFMessage(transforms=[transform])))
+    for message in messages:
+        message.header.frame_id = frame
+    camera._on_frame(RawFrame(*(RawReceived(serialize_message(message), 1) for message in messages), 1, frame))
+    link.destroy_node()
+    return seen[0]
+
+
+@pytest.mark.parametrize("encoding", ["16UC1", "32FC1"])
+def test_compressed_pictures_are_shown_and_recorded_as_raw_ones(tmp_path: Path, encoding: str) -> None:
+    view = FakeTable().live_view(0)
+    form, packed = encode_compressed_depth(view.depth_m, encoding)
+    pictures = [
+        CompressedImage(format="rgb8; png compressed bgr8", data=encode_png(view.color)),
+        CompressedImage(format=form, data=packed),
+    ]
+    messages = [*pictures, camera_to_msg(view.camera)]
+    shown = placed_frame(tmp_path, [Parameter("compressed", value=True)], messages)
+    np.testing.assert_array_equal(shown.color, view.color)
+    np.testing.assert_allclose(shown.depth_m, view.depth_m, atol=0.003)
+    config = StationConfig()
+    seen = observation_from_messages(shown.to_record(), "step 0", setup_of(shown, config))
+    np.testing.assert_array_equal(seen.color, view.color)
+    np.testing.assert_allclose(seen.depth_m, shown.depth_m, atol=1e-6)
+
+
+def test_depth_is_shown_corrected_and_recorded_as_measured(tmp_path: Path) -> None:
+    view, file = FakeTable().live_view(0), tmp_path / "camera.yaml"
+    off = DepthCorrection(1.01, -0.004)
+    camera, made = CameraCalibration(view.camera, view.camera_in_base), datetime.now(timezone.utc)
+    save_calibration(
+        file, CalibrationRecord(camera, made, Method.STATIC, "panda_link0", FRAME, depth=off, table_z=0.005)
+    )
+    images = [shared.image_to_msg(view.color, "rgb8"), shared.image_to_msg(view.depth_m, "32FC1")]
+    given = [Parameter("calibration", value=str(file))]
+    shown = placed_frame(tmp_path, given, [*images, camera_to_msg(view.camera)])
+    np.testing.assert_allclose(shown.depth_m, 1.01 * view.depth_m - 0.004, atol=1e-6)
+    setup = setup_of(shown, StationConfig())
+    assert setup.depth == off
+    depths = [raw for raw in shown.to_record() if raw.topic == topics.DEPTH]
+    np.testing.assert_array_equal(decode_depth(image_of_raw(depths[0].data)), view.depth_m)
+    read = observation_from_messages(shown.to_record(), "step 0", setup)
+    np.testing.assert_allclose(read.depth_m, shown.depth_m, atol=1e-6)
+    link = RosLink(given)
+    assert link.config.box.table_z == 0.005
+    link.destroy_node()
 
 
 def test_a_camera_that_sends_nothing_is_named(tmp_path: Path) -> None:

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from enum import Enum
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from cliport_core.workspace import WorkspaceSpec
+from cliport_perception.calibration.calibration_file import load_calibration
 from panda_executor.arm_watch import ArmWatch
 from panda_executor.config import ExecutorConfig, SearchConfig
 from panda_executor.errors import ExecutorError
@@ -17,6 +19,7 @@ if TYPE_CHECKING:
     from rclpy.node import Node
 
 Choice = TypeVar("Choice", bound=Enum)
+_SAME_HEIGHT = 1e-4  # [m]
 
 
 @dataclass(frozen=True)
@@ -93,6 +96,21 @@ def read_parameters(node: Node) -> NodeParameters:
     )
 
 
+def _table_z(get: Get, default: float) -> float:
+    """Return the table's height [m, base frame]: the calibration file's, else the parameter's.
+
+    Raises:
+        ExecutorError: when both say something, and not the same.
+        CoreError: when the calibration's file cannot be used.
+    """
+    path = str(get("calibration", ""))
+    known = load_calibration(Path(path)).table_z if path else None
+    value = finite(get, "table_z", default if known is None else known)
+    if known is not None and abs(value - known) > _SAME_HEIGHT:
+        raise ExecutorError(f"table_z is {value:g}, and {path} has it at {known:g}: leave the parameter out")
+    return value
+
+
 def _read_watch(get: Get) -> ArmWatch:
     watch = ArmWatch()
     names = ("path_tolerance", "goal_tolerance", "goal_time")
@@ -136,7 +154,7 @@ def _read_config(get: Get, robot: ArmModel) -> ExecutorConfig:
     force = float(get("grip_force", config.grip_force))
     if not 0.0 < force <= robot.hand.allowed_force:
         raise ExecutorError(f"grip_force must be in (0, {robot.hand.allowed_force:g}] N, got {force:g}")
-    scene = replace(config.scene, table_z=finite(get, "table_z", config.scene.table_z))
+    scene = replace(config.scene, table_z=_table_z(get, config.scene.table_z))
     return replace(
         config,
         timing=replace(config.timing, **timing),

@@ -218,6 +218,8 @@ def test_sensors_of_a_kind_have_their_imperfections() -> None:
     assert [kinds[kind].bias for kind in kinds] == [0.0, 0.002, 0.003, 0.002]
     assert [kinds[kind].edge_loss for kind in kinds] == [0.7, 0.9, 0.4, 0.8]
     assert [kinds[kind].dark_loss for kind in kinds] == [0.0, 0.6, 0.5, 0.0]
+    assert [kinds[kind].gloss_loss for kind in kinds] == [0.0, 0.6, 0.5, 0.3]
+    assert [kinds[kind].tick for kind in kinds] == [0.0, 0.0, 0.001, 0.0]
 
 
 def _flat(depth: float = 1.0) -> CleanFrame:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+
 import numpy as np
 import pytest
 
@@ -67,6 +69,45 @@ def test_time_of_flight_has_pixels_between_two_surfaces_and_others_do_not() -> N
 def test_dark_things_are_lost(kind: SensorKind) -> None:
     dark, light = (np.isnan(seen(flat(color=color), kind)).mean() for color in (10, 120))
     assert dark == pytest.approx(NoiseConfig.of_kind(kind).dark_loss, abs=0.05) and light < 0.02
+
+
+GLOSSY = (SensorKind.STRUCTURED_LIGHT, SensorKind.TIME_OF_FLIGHT, SensorKind.STEREO)
+
+
+@pytest.mark.parametrize("kind", list(SensorKind), ids=lambda kind: kind.value)
+def test_glossy_things_are_lost_where_they_mirror_the_light_and_matt_ones_are_not(kind: SensorKind) -> None:
+    """Rows face the camera more and more; the right half is painted red, the left one is grey."""
+    clean = flat()
+    clean.color[:, 80:] = (200, 30, 40)
+    clean.facing[:] = np.linspace(0.3, 1.0, SHAPE[0], dtype=np.float32)[:, None]
+    lost = np.isnan(seen(clean, kind))
+    config = NoiseConfig.of_kind(kind)
+    turned = (clean.facing > config.gloss_facing) | (clean.facing < config.gloss_grazing)
+    wanted = config.gloss_loss if kind in GLOSSY else 0.002
+    assert (config.gloss_loss > 0.0) is (kind in GLOSSY)
+    assert lost[:, 80:][turned[:, 80:]].mean() == pytest.approx(wanted, abs=0.06)
+    assert lost[:, 80:][~turned[:, 80:]].mean() < 0.02 and lost[:, :80].mean() < 0.02
+
+
+def test_time_of_flight_tells_whole_millimetres() -> None:
+    depth = seen(flat(1.2345), SensorKind.TIME_OF_FLIGHT)
+    millimetres = 1e3 * depth[np.isfinite(depth)].astype(np.float64)
+    np.testing.assert_allclose(millimetres, np.rint(millimetres), atol=1e-3)
+    assert len(np.unique(np.rint(millimetres))) > 5
+
+
+@pytest.mark.parametrize(
+    ("kind", "digest"),
+    [(SensorKind.PLAIN, "fadf3be0a3d6e9ce"), (SensorKind.PERFECT, "a7eccccb67e179b4")],
+    ids=lambda of: str(of),
+)
+def test_plain_and_perfect_frames_are_the_recorded_ones(kind: SensorKind, digest: str) -> None:
+    """Every score and data set was made with these: a change here makes them incomparable."""
+    clean = flat()
+    clean.color[:, 80:], clean.depth[40:80, 40:100] = (200, 30, 40), 0.9
+    clean.facing[:] = np.linspace(0.1, 1.0, SHAPE[0], dtype=np.float32)[:, None]
+    color, depth = with_noise(clean, NoiseConfig.of_kind(kind), np.random.default_rng(5))
+    assert hashlib.sha256(color.tobytes() + np.nan_to_num(depth).tobytes()).hexdigest()[:16] == digest
 
 
 @pytest.mark.parametrize("kind", list(SensorKind), ids=lambda kind: kind.value)

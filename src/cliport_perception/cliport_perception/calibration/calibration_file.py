@@ -18,11 +18,13 @@ import yaml
 from cliport_perception.calibration.board import Board, board_from_dict
 from cliport_perception.calibration.result import EyeOnBase, Misfit, Uncertainty
 from cliport_perception.camera_file import CameraCalibration, CameraFileError, camera_of, read_content
+from cliport_perception.depth_correction import DepthCorrection
 from cliport_perception.errors import CalibrationError
 
-VERSION = 1
+VERSION = 2  # 1 had neither depth nor table_z
 _NEEDED = ("version", "made", "method", "base_frame", "camera_frame")
 _OPTIONAL = ("board", "samples", "outliers", "fitted", "held_out", "uncertainty")
+_SINCE_2 = ("depth", "table_z")
 
 
 def is_frame_name(text: str) -> bool:
@@ -43,10 +45,12 @@ class Method(Enum):
 class CalibrationRecord:
     """A camera's calibration and where it comes from.
 
-    made: when, with its time zone. held_out, fitted, uncertainty: None where they were not measured.
+    made: when, with its time zone. held_out, fitted, uncertainty: None where they were not measured. depth: correction
+    of what the depth camera measures; table_z: height at which the table's top is seen then [m, base frame]; None where
+    nobody asked for them.
 
     Raises:
-        CalibrationError: when base_frame or camera_frame is no name of a frame.
+        CalibrationError: when base_frame or camera_frame is no name of a frame, or table_z is no height.
     """
 
     camera: CameraCalibration
@@ -60,6 +64,8 @@ class CalibrationRecord:
     fitted: Misfit | None = None
     held_out: Misfit | None = None
     uncertainty: Uncertainty | None = None
+    depth: DepthCorrection | None = None
+    table_z: float | None = None
 
     def __post_init__(self) -> None:
         for frame in (self.base_frame, self.camera_frame):
@@ -68,6 +74,8 @@ class CalibrationRecord:
                     "base_frame and camera_frame must be names of frames, one word each, got "
                     f"{[self.base_frame, self.camera_frame]}"
                 )
+        if self.table_z is not None and not math.isfinite(self.table_z):
+            raise CalibrationError(f"table_z must be a finite number, got {self.table_z}")
 
     def age_days(self, now: datetime) -> float:
         """Return how old the calibration is [days]."""
@@ -92,6 +100,10 @@ class CalibrationRecord:
                 about[name] = {key: round(value, 4) for key, value in misfit._asdict().items()}
         if self.uncertainty is not None:
             about["uncertainty"] = {"mm": round(self.uncertainty.mm, 4), "deg": round(self.uncertainty.deg, 5)}
+        if self.depth is not None:
+            about["depth"] = self.depth.to_dict()
+        if self.table_z is not None:
+            about["table_z"] = self.table_z
         return {"camera": self.camera.to_dict(), "calibration": about}
 
 
@@ -180,12 +192,13 @@ def load_calibration(path: Path) -> CalibrationRecord:
     if not isinstance(about, dict):
         raise CalibrationError(f"{path} holds a camera, but no 'calibration' that says where it comes from")
     names = set(map(str, about))
-    missing, unknown = [n for n in _NEEDED if n not in names], sorted(names - {*_NEEDED, *_OPTIONAL})
+    known = {*_NEEDED, *_OPTIONAL, *(() if about.get("version") == 1 else _SINCE_2)}
+    missing, unknown = [n for n in _NEEDED if n not in names], sorted(names - known)
     if missing or unknown:
         faults = [f"{what} {', '.join(n)}" for what, n in (("lacks", missing), ("has the unknown", unknown)) if n]
         raise CalibrationError(f"{path}: 'calibration' {' and '.join(faults)}")
-    if about["version"] != VERSION:
-        raise CalibrationError(f"{path} is of version {about['version']!r}; this program reads version {VERSION}")
+    if about["version"] not in (1, VERSION):
+        raise CalibrationError(f"{path} is of version {about['version']!r}; this program reads versions 1 to {VERSION}")
     try:
         return _record(camera, about)
     except (ValueError, TypeError, KeyError, CalibrationError) as error:
@@ -212,6 +225,8 @@ def _record(camera: CameraCalibration, about: dict[str, Any]) -> CalibrationReco
         misfits.get("fitted"),
         misfits.get("held_out"),
         uncertainty,
+        DepthCorrection.from_dict(about["depth"]) if "depth" in about else None,
+        float(about["table_z"]) if "table_z" in about else None,
     )
 
 

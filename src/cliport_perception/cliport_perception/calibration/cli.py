@@ -164,7 +164,11 @@ def _live(board: Board, options: argparse.Namespace, ros: list[str]) -> int:
 
     if options.tied:
         end_with_input()
-    return run_live(board, options, ros)
+    status = run_live(board, options, ros)
+    if status == 0 and options.apply_depth:
+        options.calibration = options.out or DEFAULT_OUT
+        return _verify(board, options, ros)
+    return status
 
 
 def _finite(text: str) -> float:
@@ -203,6 +207,9 @@ def _parser() -> argparse.ArgumentParser:
     ways.add_argument("--board-at", type=_finite, nargs=6, metavar=("X", "Y", "Z", "ROLL", "PITCH", "YAW"))
     ways.add_argument("--touched", type=_finite, nargs=9, metavar="M", help="x, y, z of the tip at three corners: docs")
     ways.add_argument("--verify", type=Path, metavar="PNG", help="draw the model over what is seen, with numbers")
+    parser.add_argument(
+        "--apply-depth", action="store_true", help="of --verify, or after a calibration: correct depth from now on"
+    )
     ways.add_argument("--find-intrinsics", type=Path, metavar="FILE", help="calibrate the lens: a camera_info file")
     ways.add_argument("--simulate-lens", type=int, metavar="N", help="calibrate N random lenses with a hidden truth")
     parser.add_argument("--camera-info", type=Path, metavar="FILE", help="the lens, where camera_info lacks it")

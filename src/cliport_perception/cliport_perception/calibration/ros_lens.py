@@ -7,15 +7,13 @@ import time
 from pathlib import Path
 
 from rclpy.node import Node
-from sensor_msgs.msg import Image
 
-from cliport_core import messages, topics
-from cliport_core.adaptive_subscription import AdaptiveSubscription
 from cliport_core.errors import CoreError
 from cliport_perception.calibration.board import Board
 from cliport_perception.calibration.lens_file import write_lens
 from cliport_perception.calibration.lens_views import LensProcedure, check_count
 from cliport_perception.calibration.procedures import Voice
+from cliport_perception.calibration.ros_pictures import RosPicture, subscribe_pictures
 from cliport_perception.calibration.ros_session import ros_session
 from cliport_perception.calibration.saving import check_writable
 from cliport_perception.errors import CalibrationError
@@ -32,7 +30,7 @@ class LensNode(Node):
         self._procedure, self._voice = procedure, voice
         self._pictures = 0
         self._began = time.monotonic()
-        self._input = AdaptiveSubscription(self, Image, topics.COLOR, self._on_image)
+        self._input = subscribe_pictures(self, self._on_picture)
         self.create_timer(1.0, self._adapt)
 
     def _adapt(self) -> None:
@@ -41,12 +39,12 @@ class LensNode(Node):
             name = self._input.topic_name
             self._voice.complain(f"nothing received on {name}: is the camera running, is the name remapped?")
 
-    def _on_image(self, message: Image) -> None:
+    def _on_picture(self, picture: RosPicture) -> None:
         self._pictures += 1
         if self._procedure.is_complete:
             return
         try:
-            self._procedure.on_picture(messages.color_from_msg(message))
+            self._procedure.on_picture(picture.color())
         except CoreError as error:
             self._voice.complain(str(error))
 

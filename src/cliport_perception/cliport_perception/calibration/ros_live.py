@@ -11,7 +11,7 @@ import numpy as np
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from sensor_msgs.msg import CameraInfo, Image
+from sensor_msgs.msg import CameraInfo
 from tf2_msgs.msg import TFMessage
 
 from cliport_core import messages, topics
@@ -25,6 +25,7 @@ from cliport_perception.calibration.known_board import board_from_touches
 from cliport_perception.calibration.lens_file import read_lens
 from cliport_perception.calibration.procedures import EyeOnBaseProcedure, KnownBoardProcedure, Procedure, Voice
 from cliport_perception.calibration.ros_moving import check_moving, moving
+from cliport_perception.calibration.ros_pictures import RosPicture, subscribe_pictures
 from cliport_perception.calibration.ros_session import ros_session, screen_voice
 from cliport_perception.calibration.sample import MotionLimits
 from cliport_perception.calibration.saving import DEFAULT_OUT, check_writable, say_saved
@@ -60,7 +61,7 @@ class LiveCalibration(Node):
         self.create_subscription(TFMessage, topics.TF, self._on_tf, 100)
         self._inputs = (
             AdaptiveSubscription(self, CameraInfo, topics.CAMERA_INFO, self._on_info),
-            AdaptiveSubscription(self, Image, topics.COLOR, self._on_image),
+            subscribe_pictures(self, self._on_picture),
         )
         self.create_timer(1.0, self._adapt)
         self._began = time.monotonic()
@@ -93,16 +94,16 @@ class LiveCalibration(Node):
         if self.procedure is None:
             self.camera, self.procedure = camera, self._start(camera)
 
-    def _on_image(self, message: Image) -> None:
+    def _on_picture(self, picture: RosPicture) -> None:
         self._seen.add(self._inputs[1].topic_name)
         if self.procedure is None:
             return
-        if not is_frame_name(message.header.frame_id):
-            self._complain(f"the pictures' frame_id is {message.header.frame_id!r}: set it to a frame's name, one word")
-            return
-        self.camera_frame = message.header.frame_id
         try:
-            self.procedure.on_picture(messages.stamp_from_msg(message.header.stamp), messages.color_from_msg(message))
+            stamp_ns, frame = picture.header
+            if not is_frame_name(frame):
+                raise CalibrationError(f"the pictures' frame_id is {frame!r}: set it to a frame's name, one word")
+            self.camera_frame = frame
+            self.procedure.on_picture(stamp_ns, picture.color())
         except CoreError as error:
             self._complain(str(error))
 

@@ -38,7 +38,10 @@ class NoiseConfig:
     loss: share of pixels without depth anywhere. bias: by which all depth is too large at 1 m, growing with its square
     [m]. step: between the depths that the sensor can tell apart at 1 m, growing with their square [m]. flying: share of
     pixels beside steps whose depth lies between both surfaces. dark_level: of 255, below which a surface is dark;
-    dark_loss: share of its pixels without depth.
+    dark_loss: share of its pixels without depth. tick: between depths that the sensor can tell apart at any distance
+    [m]. gloss_loss: share of a glossy surface's pixels without depth where it throws the sensor's own light straight
+    back, or away: where the cosine of the angle to its normal is over gloss_facing, or under gloss_grazing. Painted
+    things are glossy, whose channels differ by gloss_color of 255 or more; table, floor and arm are not.
     """
 
     color_sigma: float = 3.0
@@ -52,6 +55,11 @@ class NoiseConfig:
     flying: float = 0.0
     dark_level: float = 0.0
     dark_loss: float = 0.0
+    tick: float = 0.0
+    gloss_loss: float = 0.0
+    gloss_facing: float = 0.97
+    gloss_grazing: float = 0.35
+    gloss_color: float = 60.0
 
     @classmethod
     def none(cls) -> NoiseConfig:
@@ -72,11 +80,23 @@ class NoiseConfig:
                 step=0.0028,
                 dark_level=35.0,
                 dark_loss=0.6,
+                gloss_loss=0.6,
             )
         if kind is SensorKind.TIME_OF_FLIGHT:
-            return cls(depth_sigma=0.0012, edge_loss=0.4, bias=0.003, flying=0.5, dark_level=30.0, dark_loss=0.5)
+            return cls(
+                depth_sigma=0.0012,
+                edge_loss=0.4,
+                bias=0.003,
+                flying=0.5,
+                dark_level=30.0,
+                dark_loss=0.5,
+                tick=0.001,
+                gloss_loss=0.5,
+            )
         if kind is SensorKind.STEREO:
-            return cls(depth_sigma=0.0025, edge_loss=0.8, min_facing=0.2, loss=0.01, bias=0.002, step=0.0015)
+            return cls(
+                depth_sigma=0.0025, edge_loss=0.8, min_facing=0.2, loss=0.01, bias=0.002, step=0.0015, gloss_loss=0.3
+            )
         return cls()
 
 
@@ -125,12 +145,23 @@ def _of_its_kind(
     if noise.dark_loss > 0.0:
         dark = clean.color.max(axis=-1) < noise.dark_level
         lost |= dark & (_draws(rng, depth.shape) < noise.dark_loss * _LEVELS)
+    if noise.gloss_loss > 0.0:
+        lost |= _glossy(clean, noise) & (_draws(rng, depth.shape) < noise.gloss_loss * _LEVELS)
     if noise.bias > 0.0:
         depth = depth + np.float32(noise.bias) * depth * depth
     if noise.step > 0.0:
         disparity = np.maximum(np.rint(1.0 / (np.float32(noise.step) * depth)), 1.0)  # in whole numbers
         depth = (1.0 / (np.float32(noise.step) * disparity)).astype(np.float32)
+    if noise.tick > 0.0:
+        depth = np.rint(depth / np.float32(noise.tick)) * np.float32(noise.tick)
     return depth
+
+
+def _glossy(clean: CleanFrame, noise: NoiseConfig) -> npt.NDArray[np.bool_]:
+    """Return (H, W) the pixels of glossy surfaces that throw the sensor's light straight back, or away."""
+    painted = np.ptp(clean.color, axis=-1) >= noise.gloss_color
+    turned = (clean.facing > noise.gloss_facing) | (clean.facing < noise.gloss_grazing)
+    return np.asarray(painted & turned)
 
 
 def _draws(rng: np.random.Generator, shape: tuple[int, ...]) -> npt.NDArray[np.uint16]:
