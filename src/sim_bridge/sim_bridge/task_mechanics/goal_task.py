@@ -141,6 +141,10 @@ class GoalTask(Task):
         """Return the score that the last action left; before the first one, the running score."""
         return self.running_score() if self._left_score is None else self._left_score
 
+    def score_with_next(self) -> float:
+        """Return the running score: after `advance` the present goal is the next one."""
+        return self.running_score()
+
     def running_score(self) -> float:
         """Return the score that an action would leave if it ended now: goals that
         were reached, and the present one's share."""
