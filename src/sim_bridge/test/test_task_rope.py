@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from cliport_core import Pose, Primitive
+from cliport_core import PlanarPose, Pose, Primitive
 from sim_bridge.objects.rope import BEAD_SIZE, BEAD_SPACING, ROPE_BEADS, SQUARE_SIDE
 from sim_bridge.scene import reset_scene
 from sim_bridge.task_mechanics.folding import next_fold
@@ -108,6 +108,21 @@ def test_the_expert_folds_a_bead_to_a_slot(world: SimWorld) -> None:
     assert action is not None and action.primitive is Primitive.FOLD
     choice = task.judge(action.pick, action.place)
     assert choice.picked.endswith("bead") and choice.place_right
+
+
+def test_a_bead_that_is_pinched_beside_its_middle_is_judged_where_the_fold_takes_it(world: SimWorld) -> None:
+    """A fold acts where it is told, so a pick 8 mm beside the bead leaves the bead 8 mm behind the place."""
+    task = scene(world, 1)
+    beads = np.array([world.object_xy(bead) for bead in task.beads])
+    end = next(i for i in (0, ROPE_BEADS - 1) if np.sort(np.linalg.norm(beads - beads[i], axis=1))[1] > 0.012)
+    slot = task.goals[0].targets[end].translation[:2]
+    away = beads[end] - beads[np.argsort(np.linalg.norm(beads - beads[end], axis=1))[1]]
+    shift = 0.008 * away / np.linalg.norm(away)
+    pick = PlanarPose(*(beads[end] + shift).tolist(), 0.3)
+    for far, right in ((2.0, True), (3.0, True), (4.0, False)):  # the bead comes 8, 16 and 24 mm from its slot
+        judged = task.judge(pick, PlanarPose(*(slot + far * shift).tolist(), 0.3))
+        assert judged == task.judge(pick, PlanarPose(*(slot + far * shift).tolist(), 0.3), exact_offset=True)
+        assert (judged.picked, judged.place_right) == ("white bead", right)
 
 
 def test_an_end_beside_the_rope_is_worth_more_than_a_bead_almost_right() -> None:
