@@ -72,13 +72,13 @@ def test_a_step_is_written_to_a_tenth_of_a_millimetre() -> None:
         PlanarPose(0.123456, -0.2, math.tau + 0.123456), PlanarPose(0.4, 0.1, -math.pi - 0.5), Primitive.FOLD
     )
     meant = JudgedAction("block", "bowl", True, False)
-    found = _step("fold it", action, 0.123456, meant, ActionResult(Outcome.DROPPED, "lost"), 0.5)
+    found = _step("fold it", action, 0.123456, meant, ActionResult(Outcome.DROPPED, "lost"), (0.5, 0.7))
     turned = round(math.pi - 0.5, 4)
     assert found == Step(
         *("fold it", "fold", (0.1235, -0.2, 0.1235), (0.4, 0.1, turned)),
-        *("block", "bowl", True, False, "DROPPED", "lost", 0.1235, 0.5),
+        *("block", "bowl", True, False, "DROPPED", "lost", 0.1235, 0.5, 0.7),
     )
-    assert _step("", action, None, meant, ActionResult(Outcome.DROPPED, ""), 0.0).done_probability is None
+    assert _step("", action, None, meant, ActionResult(Outcome.DROPPED, ""), (0.0, 0.0)).done_probability is None
 
 
 @pytest.mark.parametrize(
