@@ -115,7 +115,8 @@ def read_evaluation(path: Path) -> Evaluation:
             bool(set_up_words(values)),
             _seeds(values),
             str(values.get("commit", "")),
-            *(None if values.get(name) is None else int(values[name]) for name in ("redrawn", "broken")),
+            _known(values, "redrawn"),
+            _known(values, "broken"),
             None if values.get("chance") is None else float(values["chance"]),
             values["checkpoint"] == BLIND,
         )
@@ -165,6 +166,10 @@ def _agent(values: dict[str, Any]) -> str:
         words.append(f"({values['method']})")
     text = " ".join(words) + (f", {values['object_set']}" if values.get("object_set") else "")
     return text + condition_words(values)
+
+
+def _known(values: dict[str, Any], name: str) -> int | None:
+    return None if values.get(name) is None else int(values[name])
 
 
 def _seeds(values: dict[str, Any]) -> str:
