@@ -26,7 +26,7 @@ class Discarded:
 @dataclass(frozen=True)
 class GraphEpisode:
     """One scene's outcome through the graph; score 0..1. instructions: what was said, in order. message: the policy's
-    last. wall_s: wall time [s]."""
+    last. wall_s: wall time [s]. redraws, broken: as Episode's."""
 
     seed: int
     score: float
@@ -34,6 +34,8 @@ class GraphEpisode:
     instructions: tuple[str, ...]
     message: str
     wall_s: float
+    redraws: int = 0
+    broken: bool = False
 
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> GraphEpisode:
