@@ -12,7 +12,7 @@ import pytest
 from cliport_benchmark import evaluate_cli
 from cliport_benchmark.agents import Answer, ExpertAgent
 from cliport_benchmark.episode import Episode, Step
-from cliport_benchmark.errors import DataFolderError, OptionError
+from cliport_benchmark.errors import BenchmarkError, DataFolderError, OptionError
 from cliport_benchmark.evaluate import EvaluateConfig, Evaluator, evaluate
 from cliport_benchmark.journal import Discarded, Journal
 from cliport_benchmark.kinematic_hand import KinematicHand
@@ -296,6 +296,25 @@ def test_several_tasks_make_a_folder_and_complete_ones_are_kept(
     assert f"{SEEN}: {tmp_path}/all/{SEEN}.json is kept" in said and "mean_score" not in said
     assert evaluate_cli.main([*arguments, "--first-seed", "2"]) == 1
     assert "holds results of other settings (first_seed 1 not 2)" in capsys.readouterr().err
+
+
+def test_a_task_that_fails_does_not_end_the_others(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def fails(config: EvaluateConfig, *_: object) -> list[Discarded]:
+        if config.task == SEEN:
+            raise BenchmarkError("seed 3: a worker died")
+        return [Discarded(0, "flew apart")]
+
+    monkeypatch.setattr(evaluate_cli, "evaluate", fails)
+    arguments = ["--checkpoint", "expert", "--episodes", "1", "--out", str(tmp_path / "r")]
+    several = f"align-rope,{SEEN},sweeping-piles"
+    assert evaluate_cli.main([*arguments, "--task", several]) == 1
+    assert sorted(path.stem for path in (tmp_path / "r").iterdir()) == ["align-rope", "sweeping-piles"]
+    *_, last = capsys.readouterr().err.splitlines()
+    assert last.startswith("error: 1 of 3 tasks failed") and last.endswith(f": {SEEN}: seed 3: a worker died")
+    monkeypatch.setattr(evaluate_cli, "evaluate", lambda *_: [Discarded(0, "flew apart")])
+    assert evaluate_cli.main([*arguments, "--task", several]) == 0
 
 
 @pytest.mark.parametrize(

@@ -115,6 +115,7 @@ VARIED = {"randomize": None, "mounting_error": None}
                 **SETUP,
                 "randomize": None,
                 "randomize_scores": None,
+                "exact_offset": False,
                 "processes": 2,
                 "jobs": 1,
                 "ray": None,
