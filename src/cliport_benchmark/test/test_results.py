@@ -202,10 +202,16 @@ def test_the_card_takes_scores_of_its_own_weights_only(tmp_path: Path, capsys: p
     weights = tmp_path / "policy.safetensors"
     weights.write_bytes(b"weights")
     card = load_card(resolve_checkpoint("default"))
-    weights.with_suffix(".json").write_text(json.dumps(replace(card, scores={}).to_dict()))
-    write(tmp_path / "a.json", chance=19.5, dirty=False, weights_sha256=hashlib.sha256(b"weights").hexdigest())
+    stale = {"bowls test": {"mean_score": 9.0}, "x test": {"mean_score": 9.0, "weights_sha256": "0" * 64}}
+    kept = {"calibration": {"pick": {"n": 3}}}
+    weights.with_suffix(".json").write_text(json.dumps(replace(card, scores=stale | kept).to_dict()))
+    write(
+        tmp_path / "a.json", chance=19.5, redrawn=2, dirty=False, weights_sha256=hashlib.sha256(b"weights").hexdigest()
+    )
     assert card_scores.main(["--checkpoint", str(weights), str(tmp_path / "a.json")]) == 0
-    (entry,) = load_card(weights).scores.items()
+    assert list(load_card(weights).scores) == ["calibration", f"{HANOI} test"]
+    entry = next(item for item in load_card(weights).scores.items() if item[0] != "calibration")
+    assert entry[1]["redrawn"] == 2
     assert entry[0] == f"{HANOI} test" and entry[1]["mean_score"] == 98.57 and entry[1]["commit"] == COMMIT
     assert entry[1]["dirty"] is False and card_doubts(weights) == []
     write(tmp_path / "b.json", dirty=False, weights_sha256="0" * 64)
@@ -214,7 +220,7 @@ def test_the_card_takes_scores_of_its_own_weights_only(tmp_path: Path, capsys: p
         assert card_scores.main(["--checkpoint", str(weights), str(tmp_path / f"{name}.json")]) == 1
         error = capsys.readouterr().err
         assert words in error and error.count("\n") == 1
-    assert len(load_card(weights).scores) == 1
+    assert len(load_card(weights).scores) == 2
 
 
 def test_the_card_tells_scores_of_different_conditions_apart(
