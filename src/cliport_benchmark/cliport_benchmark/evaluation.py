@@ -57,8 +57,9 @@ class Evaluation:
     object_set: of a task with everyday objects. knew_colors: True for a policy that met "unseen" colours in training.
     doubts: reasons to measure it again. own_set_up: True where the workspace, the camera or the looks were others.
     seeds: the first and the last of its scenes, as "0 to 99". commit: of the source that scored it. redrawn, broken:
-    how many scenes were drawn again, and in how many things flew apart; chance: score 0..100 of random choices. None
-    where the file does not say.
+    how many scenes were drawn again, and in how many things flew apart; chance: score 0..100 of random choices;
+    with_next: score 0..100 with the next goal counted as far as it is fulfilled already. None where the file does not
+    say.
     """
 
     task: str
@@ -76,6 +77,7 @@ class Evaluation:
     broken: int | None = None
     chance: float | None = None
     is_blind: bool = False
+    with_next: float | None = None
 
     @property
     def section(self) -> Section:
@@ -117,8 +119,9 @@ def read_evaluation(path: Path) -> Evaluation:
             str(values.get("commit", "")),
             _known(values, "redrawn"),
             _known(values, "broken"),
-            None if values.get("chance") is None else float(values["chance"]),
+            values.get("chance"),
             values["checkpoint"] == BLIND,
+            values.get("mean_score_with_next"),
         )
         valid = is_known(task) and (score is None or 0.0 <= score <= 100.0)
     except (KeyError, TypeError, ValueError) as error:

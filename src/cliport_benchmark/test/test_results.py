@@ -128,7 +128,7 @@ def test_what_a_score_is_worth_stands_beside_it(tmp_path: Path, capsys: pytest.C
     write(mine / "c.json", task=OBJECTS, checkpoint="mine", first_seed=0, object_set="own-56", n_episodes=20)
     write(mine / "d.json", task=BOWLS, split="val", checkpoint="mine", first_seed=0)
     blind_one = {"checkpoint": "blind", "without_arm": True}
-    write(blind / "a.json", task=BOWLS, first_seed=0, mean_score=31.2, **blind_one)
+    write(blind / "a.json", task=BOWLS, first_seed=0, mean_score=31.2, mean_score_with_next=40.06, **blind_one)
     write(blind / "more.json", task=BOWLS, first_seed=0, n_episodes=100, mean_score=32.1, **blind_one)
     write(blind / "other.json", task=HANOI, first_seed=0, n_episodes=40, mean_score=44.4, **blind_one)
     write(blind / "dark.json", task=HANOI, first_seed=0, mean_score=1.0, randomize={"light": {}}, **blind_one)
@@ -145,6 +145,7 @@ def test_what_a_score_is_worth_stands_beside_it(tmp_path: Path, capsys: pytest.C
         (BOWLS, "val"): ["unknown", "unknown", "", ""],
     }
     assert any("blind, without the arm" in line for line in lines)
+    assert [row[2:] for row in rows if row[3:5] == ["40.1", "31.2"]] == [["50", "40.1", "31.2", "0123456"]]
     table = csv.DictReader((tmp_path / "r.csv").open())
     assert {row["redrawn"] for row in table if row["by"] == "mine"} == {"3", "0", "unknown"}
     assert main([str(mine), str(tmp_path / "none")]) == 1

@@ -260,8 +260,8 @@ ADAPTATIONS: tuple[Adaptation, ...] = (
     ),
     Adaptation(
         "align-rope, manipulating-rope",
-        "the rope lies across itself in 26 of 30 scenes, not in all: two beads that are no neighbours come within 10 mm "
-        "of each other in the plane (python src/sim_bridge/test/test_task_rope.py counts them)",
+        "the rope lies across itself in 26 of 30 scenes, not in all: two beads that are no neighbours come within 10 "
+        "mm of each other in the plane (python src/sim_bridge/test/test_task_rope.py counts them)",
         "the stack falls with a yaw and a wobble of its own",
         "slightly easier: four of 30 ropes are open from the start",
     ),
