@@ -235,3 +235,13 @@ def test_adaptations_name_tasks_that_exist() -> None:
 def test_adaptations_differ_and_are_complete() -> None:
     assert len({(row.tasks, row.what) for row in ADAPTATIONS}) == len(ADAPTATIONS)
     assert all(row.what and row.why and row.effect for row in ADAPTATIONS)
+
+
+def test_every_adaptation_has_its_row_beside_cliports_code() -> None:
+    """And no row of the table is of an adaptation that is gone."""
+    table = (ROOT / "docs/peers.md").read_text().split("## Tasks")[1].split("## ")[0]
+    rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in table.splitlines() if line.startswith("| ")][
+        1:
+    ]
+    assert [(row[0], *row[2:]) for row in rows] == [(each.tasks, each.what, each.effect) for each in ADAPTATIONS]
+    assert all(row[1] and row[1] != row[2] for row in rows)

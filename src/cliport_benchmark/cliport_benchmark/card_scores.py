@@ -15,12 +15,14 @@ from cliport_core.command_line import CommandParser
 from cliport_policy.checkpoint import load_card, resolve_checkpoint, weights_sha256, write_json
 from cliport_policy.errors import PolicyError
 
-_KEPT = ("mean_score", "chance", "n_episodes", "discarded", "first_seed", "object_set", "offset", "choices", "command")
+_COUNTS = ("n_episodes", "discarded", "redrawn", "broken")
+_KEPT = ("mean_score", "chance", *_COUNTS, "first_seed", "object_set", "offset", "choices", "command")
 _PROVENANCE = ("weights_sha256", "commit", "dirty")
 
 
 def write_scores(checkpoint: str, results: Sequence[Path]) -> Path:
-    """Add the scores of results to a checkpoint's card, in place of those of the same name; return the card's path.
+    """Add the scores of results to a checkpoint's card, in place of those of the same name and of all that name no
+    weights or others than the checkpoint's; return the card's path.
 
     Raises:
         CheckpointError: when there is no such checkpoint or card.
@@ -35,7 +37,8 @@ def write_scores(checkpoint: str, results: Sequence[Path]) -> Path:
         if name in scores:
             raise OptionError(f"{result} is a second score of '{name}': give one of them")
         scores[name] = entry
-    write_json(path.with_suffix(".json"), replace(card, scores={**card.scores, **scores}).to_dict())
+    valid = {name: score for name, score in card.scores.items() if not _is_stale(score, present)}
+    write_json(path.with_suffix(".json"), replace(card, scores={**valid, **scores}).to_dict())
     return path.with_suffix(".json")
 
 
@@ -51,6 +54,12 @@ def main(arguments: list[str] | None = None) -> int:
         print(f"error: {error}", file=sys.stderr)
         return 1
     return 0
+
+
+def _is_stale(score: Any, present: str) -> bool:
+    """Return True for a score of an evaluation that was not of these weights, as far as it says; a calibration's errors
+    are no score."""
+    return isinstance(score, dict) and "mean_score" in score and score.get("weights_sha256") != present
 
 
 def _entry(result: dict[str, Any], path: Path, present: str) -> tuple[str, dict[str, Any]]:

@@ -5,23 +5,35 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 from cliport_benchmark.agents import Agent
-from cliport_benchmark.arm_hand import ArmHand
 from cliport_benchmark.observer import Observer
-from cliport_core import ActionResult, PickPlaceAction, PlanarPose
+from cliport_core import ActionResult, PickPlaceAction, PlanarPose, Primitive
 from cliport_policy.errors import PolicyError
 from sim_bridge.errors import PhysicsError
+from sim_bridge.rendering.camera import RgbdFrame
 from sim_bridge.scene import Stream, scene_rng
 from sim_bridge.tasks import JudgedAction, Task
 from sim_bridge.world import SimWorld
 
 
+class EpisodeHand(Protocol):
+    """Carries out an episode's actions, with the arm or without."""
+
+    def new_scene(self, primitive: Primitive) -> None:
+        """Take note that the world was reset to a scene in which the hand does that."""
+
+    def execute(self, action: PickPlaceAction, frame: RgbdFrame) -> ActionResult:
+        """Execute an action and let the world settle."""
+
+
 @dataclass(frozen=True)
 class Step:
     """One action: what was said, the poses (x, y [m], yaw [rad]), what they mean in the scene ("": nothing there)
-    and whether that is what the goal asks for, and what came of it; score 0..1 afterwards."""
+    and whether that is what the goal asks for, and what came of it; score 0..1 afterwards.
+
+    score_with_next: 0..1, with the next goal counted as far as it is fulfilled already; None in results of old."""
 
     instruction: str
     primitive: str
@@ -35,6 +47,7 @@ class Step:
     message: str
     done_probability: float | None
     score: float
+    score_with_next: float | None = None
 
 
 @dataclass(frozen=True)
@@ -67,7 +80,7 @@ class Episode:
 
 def run_episode(
     world: SimWorld,
-    hand: ArmHand,
+    hand: EpisodeHand,
     observer: Observer,
     agent: Agent,
     task: Task,
@@ -107,7 +120,7 @@ def run_episode(
 
 def _act(
     world: SimWorld,
-    hand: ArmHand,
+    hand: EpisodeHand,
     observer: Observer,
     agent: Agent,
     task: Task,
@@ -134,7 +147,7 @@ def _act(
         except PhysicsError as burst:
             return str(burst), True
         task.advance()
-        steps.append(_step(said, action, done_probability, meant, result, task.score()))
+        steps.append(_step(said, action, done_probability, meant, result, (task.score(), task.score_with_next())))
     return "", False
 
 
@@ -144,8 +157,9 @@ def _step(
     done_probability: float | None,
     meant: JudgedAction,
     result: ActionResult,
-    score: float,
+    scores: tuple[float, float],
 ) -> Step:
+    """Return what is kept of an action. scores: after it, without and with the next goal."""
     return Step(
         said,
         action.primitive.label,
@@ -158,7 +172,7 @@ def _step(
         result.outcome.name,
         result.message,
         None if done_probability is None else round(done_probability, 4),
-        score,
+        *scores,
     )
 
 

@@ -13,9 +13,10 @@ import cv2
 
 from cliport_benchmark.agents import BUILT_IN, Agent, PolicyAgent, load_agent
 from cliport_benchmark.arm_hand import ArmHand
-from cliport_benchmark.episode import run_episode
+from cliport_benchmark.episode import EpisodeHand, run_episode
 from cliport_benchmark.errors import BenchmarkError, OptionError
 from cliport_benchmark.journal import Discarded, Journal, Outcome
+from cliport_benchmark.kinematic_hand import KinematicHand
 from cliport_benchmark.observer import Observer
 from cliport_benchmark.own_setup import OwnSetup
 from cliport_benchmark.parallel import run_parallel
@@ -25,7 +26,7 @@ from cliport_benchmark.survey_colors import LEAST_DISTANCE, draw_colors, paint_o
 from cliport_benchmark.variation import Variation
 from cliport_benchmark.wording import Wording
 from sim_bridge.errors import LayoutError, PhysicsError, SimBridgeError
-from sim_bridge.scene import reset_scene
+from sim_bridge.scene import Stream, reset_scene, scene_rng
 from sim_bridge.tasks import Task, make_task
 from sim_bridge.world import SimWorld
 
@@ -33,7 +34,8 @@ from sim_bridge.world import SimWorld
 @dataclass(frozen=True)
 class EvaluateConfig:
     """Settings of an evaluation. exact_offset: a thing that is picked off its middle is placed as far off.
-    survey_colors: the benchmark's colours look and are called as in draw_colors.
+    survey_colors: the benchmark's colours look and are called as in draw_colors. without_arm: things are set where
+    they belong, for agents that know where to hold them.
 
     Raises:
         OptionError: on numbers that make no evaluation, or a wording for a task that has none.
@@ -50,6 +52,7 @@ class EvaluateConfig:
     setup: OwnSetup = field(default_factory=OwnSetup)
     variation: Variation = field(default_factory=Variation)
     survey_colors: bool = False
+    without_arm: bool = False
 
     def __post_init__(self) -> None:
         task = make_task(self.task, self.split)
@@ -57,6 +60,10 @@ class EvaluateConfig:
             raise OptionError(f"--first-seed must be 0 or more, got {self.first_seed}")
         if self.episodes < 1:
             raise OptionError(f"--episodes must be 1 or more, got {self.episodes}")
+        if self.without_arm and self.checkpoint not in BUILT_IN:
+            raise OptionError(
+                f"--without-arm is for {' and '.join(BUILT_IN)}, who know where to hold things; got {self.checkpoint}"
+            )
         if self.is_reworded and not task.sentence_pattern:
             raise OptionError(
                 f"--phrasings, --synonyms and --survey-colors cannot reword {task.name}: its sentences have no slots"
@@ -102,6 +109,8 @@ class EvaluateConfig:
             settings["wording"] = dataclasses.asdict(self.wording)
         if self.survey_colors:
             settings["survey_colors"] = LEAST_DISTANCE
+        if self.without_arm:
+            settings["without_arm"] = True
         return settings
 
 
@@ -118,7 +127,9 @@ class Evaluator:
             self.world.config, n_threads=1, variation=variation, camera=setup.camera, camera_kind=setup.camera_kind
         )
         self._said_as_it_was = False  # a sentence of this episode that was to be reworded and could not be
-        self.hand = ArmHand(self.world, self.observer, exact_offset=config.exact_offset)
+        self.hand: EpisodeHand | None = None  # without the arm each scene has a hand of its own
+        if not config.without_arm:
+            self.hand = ArmHand(self.world, self.observer, exact_offset=config.exact_offset)
 
     def run(self, seed: int) -> Outcome:
         """Run the scene of a seed and return its outcome."""
@@ -129,7 +140,9 @@ class Evaluator:
             say = partial(self._sentence, wording=wording, index=seed - self.config.first_seed)
             exact = self.config.exact_offset
             self._said_as_it_was = False
-            episode = run_episode(self.world, self.hand, self.observer, self.agent, task, seed, say, exact)
+            own = scene_rng(task.name, task.split, seed, Stream.HAND)
+            hand = self.hand or KinematicHand(self.world, own)
+            episode = run_episode(self.world, hand, self.observer, self.agent, task, seed, say, exact)
             return dataclasses.replace(episode, own_wording=self._said_as_it_was)
         except (LayoutError, PhysicsError) as error:
             return Discarded(seed, str(error))

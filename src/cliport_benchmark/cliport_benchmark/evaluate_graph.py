@@ -94,9 +94,18 @@ def _episode(client: GraphClient, seed: int, sentence: str, real_time_factor: fl
     time.sleep(1.0)  # a camera frame of the new scene
     start = time.monotonic()
     played = play_episode(client, sentence, client.max_steps, GOAL_TIMEOUT)
-    score = client.judged(real_time_factor).score
+    judged = client.judged(real_time_factor)
     wall = round(time.monotonic() - start, 1)
-    return GraphEpisode(seed, score, played.steps, played.sentences, played.message, wall)
+    return GraphEpisode(
+        seed,
+        judged.score,
+        played.steps,
+        played.sentences,
+        played.message,
+        wall,
+        client.redraws,
+        judged.broken,
+    )
 
 
 def _result(journal: Journal) -> dict[str, Any]:
@@ -109,6 +118,9 @@ def _result(journal: Journal) -> dict[str, Any]:
         **journal.settings,
         "n_episodes": len(episodes),
         "discarded": len(discarded),
+        "redrawn": sum(e.redraws > 0 for e in episodes),
+        "redraws": sum(e.redraws for e in episodes),
+        "broken": sum(e.broken for e in episodes),
         "episodes": [asdict(episode) for episode in episodes],
         "discarded_episodes": [asdict(scene) for scene in discarded],
     }

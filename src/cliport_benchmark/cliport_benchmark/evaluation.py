@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from cliport_benchmark.agents import BLIND
 from cliport_benchmark.doubts import doubts_about
 from cliport_benchmark.errors import DataFolderError
 from cliport_benchmark.json_files import read_json
@@ -15,6 +17,7 @@ from cliport_benchmark.paper_scores import ABLATION_TABLE, DEMO_VAL_TABLE, TEST_
 from sim_bridge.tasks import ALIASES, DEMO_TASKS, LANGUAGE_SPLITS, is_known
 
 _GOOGLE_OBJECTS = "google "  # prefix of the names of sets of Google Scanned Objects
+LANGUAGE_BLIND = "language-blind, manually perfect"  # the column of the blind agent
 _EVERYDAY = "google-objects"  # part of the names of the tasks that show them
 
 
@@ -53,7 +56,10 @@ class Evaluation:
 
     object_set: of a task with everyday objects. knew_colors: True for a policy that met "unseen" colours in training.
     doubts: reasons to measure it again. own_set_up: True where the workspace, the camera or the looks were others.
-    seeds: the first and the last of its scenes, as "0 to 99". commit: of the source that scored it.
+    seeds: the first and the last of its scenes, as "0 to 99". commit: of the source that scored it. redrawn, broken:
+    how many scenes were drawn again, and in how many things flew apart; chance: score 0..100 of random choices;
+    with_next: score 0..100 with the next goal counted as far as it is fulfilled already. None where the file does not
+    say.
     """
 
     task: str
@@ -67,6 +73,11 @@ class Evaluation:
     own_set_up: bool = False
     seeds: str = ""
     commit: str = ""
+    redrawn: int | None = None
+    broken: int | None = None
+    chance: float | None = None
+    is_blind: bool = False
+    with_next: float | None = None
 
     @property
     def section(self) -> Section:
@@ -106,6 +117,11 @@ def read_evaluation(path: Path) -> Evaluation:
             bool(set_up_words(values)),
             _seeds(values),
             str(values.get("commit", "")),
+            _known(values, "redrawn"),
+            _known(values, "broken"),
+            values.get("chance"),
+            values["checkpoint"] == BLIND,
+            values.get("mean_score_with_next"),
         )
         valid = is_known(task) and (score is None or 0.0 <= score <= 100.0)
     except (KeyError, TypeError, ValueError) as error:
@@ -115,8 +131,16 @@ def read_evaluation(path: Path) -> Evaluation:
     return found
 
 
-def read_folder(folder: Path) -> list[Evaluation]:
-    """Read all that a folder and those in it hold; what is no evaluation is left out with a line that says so."""
+def read_folders(folders: Iterable[Path]) -> list[Evaluation]:
+    """Read all that folders and those in them hold; what is no evaluation is left out with a line that says so.
+
+    Raises:
+        DataFolderError: when one of them does not exist, or holds no evaluation.
+    """
+    return [evaluation for folder in folders for evaluation in _read_folder(folder)]
+
+
+def _read_folder(folder: Path) -> list[Evaluation]:
     if not folder.is_dir():
         raise DataFolderError(f"there is no folder {folder}: name the one that evaluate wrote to")
     evaluations = []
@@ -130,6 +154,14 @@ def read_folder(folder: Path) -> list[Evaluation]:
     return evaluations
 
 
+def language_blind(one: Evaluation, evaluations: Sequence[Evaluation]) -> Evaluation | None:
+    """Return the blind agent's evaluation that tells what a score is worth, None where there is none: of the same task,
+    split, objects and looks; of several the one of the same scenes, else of the most."""
+    scenes = (one.task, one.split, one.object_set, one.own_set_up)
+    alike = [e for e in evaluations if e.is_blind and (e.task, e.split, e.object_set, e.own_set_up) == scenes]
+    return max(alike, key=lambda e: (e.seeds == one.seeds, e.episodes), default=None)
+
+
 def _agent(values: dict[str, Any]) -> str:
     """Return who acted and how: the checkpoint, its network's name, and what was unusual."""
     words = [str(values["checkpoint"])]
@@ -137,6 +169,10 @@ def _agent(values: dict[str, Any]) -> str:
         words.append(f"({values['method']})")
     text = " ".join(words) + (f", {values['object_set']}" if values.get("object_set") else "")
     return text + condition_words(values)
+
+
+def _known(values: dict[str, Any], name: str) -> int | None:
+    return None if values.get(name) is None else int(values[name])
 
 
 def _seeds(values: dict[str, Any]) -> str:

@@ -24,7 +24,19 @@ from cliport_policy.training.options import parse_options
 from sim_bridge.tasks import make_task
 
 RESULT_NAME = "experiment.json"
-_SCORES = ("mean_score", "chance", "n_episodes", "discarded", "object_set", "commit", "dirty", "command")
+_ADDED_LATER = ("exact_offset",)  # settings that a finished experiment may still get
+_SCORES = (
+    "mean_score",
+    "chance",
+    "n_episodes",
+    "discarded",
+    "redrawn",
+    "broken",
+    "object_set",
+    "commit",
+    "dirty",
+    "command",
+)
 
 
 @dataclass(frozen=True)
@@ -34,7 +46,8 @@ class Experiment:
     config: a network's name or YAML file; settings: changes to it, as train's --set takes them. keep_steps: the
     steps whose checkpoints compete on val. also_test: tasks beside its own that the chosen one is scored on.
     workspace, camera: files of an own set-up, or None; randomize: what varies in the demonstrations, and
-    randomize_scores: in the scenes that it is scored on, as generate and evaluate take it, or None.
+    randomize_scores: in the scenes that it is scored on, as generate and evaluate take it, or None. exact_offset:
+    whether the chosen one is scored on test a second time, with each thing placed as far off as it was picked.
 
     Raises:
         OptionError: on numbers that make no experiment, what train does not take, or a network that cannot be scored.
@@ -55,6 +68,7 @@ class Experiment:
     camera: str | None = None
     randomize: str | None = None
     randomize_scores: str | None = None
+    exact_offset: bool = False
 
     def __post_init__(self) -> None:
         workspace, camera = (path and Path(path) for path in (self.workspace, self.camera))
@@ -111,7 +125,7 @@ def train_experiment(experiment: Experiment, out: Path, data: Path, say: Callabl
         BenchmarkError: when the command fails, or the folder holds another experiment.
     """
     folder = out / experiment.folder
-    identity = asdict(experiment)
+    identity = {name: value for name, value in asdict(experiment).items() if name not in _ADDED_LATER}
     begun = folder / "settings.json"
     if begun.exists():
         differing = differences(read_json(begun), identity)
@@ -140,8 +154,12 @@ def run_experiment(
     options = [*experiment.score_options, *evaluate_options]
     val = _validate(experiment, folder, options, say)
     chosen = choose(list(val), list(val.values()))
-    tests = _test(experiment, folder, _checkpoint(folder, chosen), options, say)
-    write_json(folder / RESULT_NAME, _result(experiment, val, chosen, _checkpoint(folder, chosen), tests))
+    tests = _test(experiment, folder / "test", _checkpoint(folder, chosen), options, say)
+    result = _result(experiment, val, chosen, _checkpoint(folder, chosen), tests)
+    if experiment.exact_offset:
+        exact = [*options, "--exact-offset"]
+        result["test_exact"] = _kept(_test(experiment, folder / "test-exact", _checkpoint(folder, chosen), exact, say))
+    write_json(folder / RESULT_NAME, result)
     return folder / RESULT_NAME
 
 
@@ -167,23 +185,8 @@ def make_data(
     made = [int(meta.parent.name) for meta in folders if meta.parent.name.isdecimal()]
     whole = min((n for n in made if n >= episodes), default=episodes)
     folder = out / "data" / task / str(whole)
-    _run(
-        "cliport_benchmark.generate_cli",
-        [
-            "--task",
-            task,
-            "--split",
-            "train",
-            "--episodes",
-            str(whole),
-            "--processes",
-            str(processes),
-            *setup_options,
-            *_randomized(randomize),
-        ],
-        folder,
-        say,
-    )
+    options = ["--task", task, "--split", "train", "--episodes", str(whole), "--processes", str(processes)]
+    _run("cliport_benchmark.generate_cli", [*options, *setup_options, *_randomized(randomize)], folder, say)
     return folder
 
 
@@ -201,11 +204,11 @@ def _validate(
 def _test(
     experiment: Experiment, folder: Path, checkpoint: Path, options: Sequence[str], say: Callable[[str], None]
 ) -> dict[str, dict[str, Any]]:
-    """Return the results on test of each task that the chosen checkpoint is scored on."""
+    """Return the results on test of each task that the chosen checkpoint is scored on; folder: where they lie."""
     results = {}
     for task in (experiment.task, *experiment.also_test):
         scoring = _Scoring(task, "test", experiment.test_episodes, checkpoint)
-        results[task] = _score(scoring, folder / "test" / f"{task}.json", options, say)
+        results[task] = _score(scoring, folder / f"{task}.json", options, say)
     return results
 
 
@@ -222,8 +225,13 @@ def _result(
         "chosen_step": chosen,
         "checkpoint": str(checkpoint),
         **{name: tests[experiment.task].get(name) for name in ("weights_sha256", "commit", "dirty")},
-        "test": {task: {name: value.get(name) for name in _SCORES} for task, value in tests.items()},
+        "test": _kept(tests),
     }
+
+
+def _kept(tests: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
+    """Return what RESULT_NAME holds of the results on test, by task."""
+    return {task: {name: value.get(name) for name in _SCORES} for task, value in tests.items()}
 
 
 def _train(experiment: Experiment, folder: Path, data: Path, say: Callable[[str], None]) -> None:

@@ -76,6 +76,7 @@ def _experiments(options: argparse.Namespace) -> list[Experiment]:
             options.camera and str(options.camera.resolve()),
             options.randomize,
             options.randomize_scores,
+            options.exact_offset,
         )
         for task, config, count in itertools.product(
             task_names(options.task), options.config.split(","), counts or (100,)
@@ -115,6 +116,11 @@ def _parser() -> argparse.ArgumentParser:
     what = "light, texture, clutter, mounting, several with commas between; all without a name"
     for name, scenes in (("--randomize", "demonstrations"), ("--randomize-scores", "scenes that are scored")):
         parser.add_argument(name, nargs="?", const="all", metavar="WHAT", help=f"vary the {scenes}: {what}")
+    parser.add_argument(
+        "--exact-offset",
+        action="store_true",
+        help="score the chosen checkpoint on test a second time, with each thing placed as far off as it was picked",
+    )
     parser.add_argument("--processes", type=int, default=2, help="for generating and evaluating")
     parser.add_argument("--jobs", type=int, default=1, help="experiments at once on this machine")
     parser.add_argument("--ray", metavar="ADDRESS", help="spread them over Ray: an address, auto, or local")

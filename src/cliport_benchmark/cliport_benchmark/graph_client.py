@@ -55,6 +55,7 @@ class GraphClient:
         self._last_motion = time.monotonic()
         self._watch_motion = False
         self.max_steps = 0  # actions that the task of the last reset allows
+        self.redraws = 0  # scenes that were drawn in vain before that one
         self.on_status: Callable[[PolicyStatus], None] = lambda _status: None
         self.on_frame: Callable[[NDArray[np.uint8]], None] = lambda _frame: None
         self._instruction = self._node.create_publisher(String, topics.INSTRUCTION, 5)
@@ -94,7 +95,7 @@ class GraphClient:
         response = self._call(self._reset, request, timeout)
         if not response.success:
             raise SceneError(response.message)
-        self.max_steps = int(response.max_steps)
+        self.max_steps, self.redraws = int(response.max_steps), int(response.redraws)
         return str(response.instruction)
 
     def score(self, timeout: float = 10.0) -> float:
@@ -110,11 +111,11 @@ class GraphClient:
         return self.progress(timeout)
 
     def progress(self, timeout: float = 10.0) -> Progress:
-        """Return score, whether the task is reached, and the present sentence, as judged up to now."""
+        """Return what the simulator has judged up to now."""
         response = self._call(self._score, GetScore.Request(), timeout)
         if not response.success:
             raise BenchmarkError(response.message)
-        return Progress(float(response.score), bool(response.done), str(response.instruction))
+        return Progress(float(response.score), bool(response.done), str(response.instruction), bool(response.broken))
 
     def newest_status(self) -> PolicyStatus | None:
         """Return the last status since the last instruction; None before there is one."""

@@ -14,11 +14,13 @@ _GOES_ON = "step limit of "  # how the server's message begins when it only want
 
 
 class Progress(NamedTuple):
-    """Present state of the simulator's scene: score 0..1, whether the task is reached, and the present sentence."""
+    """Present state of the simulator's scene: score 0..1, whether the task is reached, the present sentence, and
+    whether things flew apart, after which the score stays."""
 
     score: float
     done: bool
     instruction: str
+    broken: bool = False
 
 
 class Graph(Protocol):
@@ -54,7 +56,7 @@ def play_episode(
 ) -> Played:
     """Run an episode: each sentence follows when the one before is reached.
 
-    It ends when the task is reached, the policy gives up or the steps are spent.
+    It ends when the task is reached, the policy gives up, things fly apart or the steps are spent.
 
     first: the scene's first sentence. timeout: of the whole episode [s].
     """
@@ -72,6 +74,8 @@ def play_episode(
         if progress.done and resting:  # while the arm moves, what it carries may only pass by
             graph.instruct("")  # a policy that does not see that it is done would go on
             return Played(progress.score, steps, message, tuple(sentences), True)
+        if progress.broken:
+            break
         over = status is not None and status.state in ENDED
         if progress.instruction != said:
             said, before = progress.instruction, steps

@@ -12,6 +12,8 @@ from cliport_benchmark.episode import Episode
 from cliport_benchmark.errors import DataFolderError, OptionError
 from cliport_benchmark.json_files import as_json, differences, read_json
 
+_SAID_WHERE_UNUSUAL = ("wording", "graph", "survey_colors", "camera_kind", "without_arm")  # settings
+
 
 @dataclass(frozen=True)
 class Discarded:
@@ -24,7 +26,7 @@ class Discarded:
 @dataclass(frozen=True)
 class GraphEpisode:
     """One scene's outcome through the graph; score 0..1. instructions: what was said, in order. message: the policy's
-    last. wall_s: wall time [s]."""
+    last. wall_s: wall time [s]. redraws, broken: as Episode's."""
 
     seed: int
     score: float
@@ -32,6 +34,8 @@ class GraphEpisode:
     instructions: tuple[str, ...]
     message: str
     wall_s: float
+    redraws: int = 0
+    broken: bool = False
 
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> GraphEpisode:
@@ -103,7 +107,7 @@ class Journal:
     def _results(self) -> dict[int, Outcome]:
         """Return the outcomes that the results hold, by seed."""
         found = read_json(self.out)
-        compared = {*self.settings, "wording", "graph"}  # the last two are said only where they are unusual
+        compared = {*self.settings, *_SAID_WHERE_UNUSUAL}
         differing = differences({name: found.get(name) for name in compared}, self.settings)
         if differing:
             raise DataFolderError(f"{self.out} holds results of other settings ({differing}); choose another --out")

@@ -10,6 +10,11 @@ def number(value: float | None) -> str:
     return "" if value is None else f"{value:.1f}"
 
 
+def count(value: int | None) -> str:
+    """Return a number of scenes; "unknown" where nobody counted."""
+    return "unknown" if value is None else str(value)
+
+
 def table_line(cells: Sequence[str]) -> str:
     """Return a row of a Markdown table."""
     return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"

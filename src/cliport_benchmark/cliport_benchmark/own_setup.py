@@ -187,5 +187,6 @@ def condition_words(values: dict[str, Any]) -> str:
     """Return all that was unusual about a result, to follow a name: ", exact offset, randomized: light", say."""
     words = ", other wording" if "wording" in values else ""
     words += ", through the graph" if values.get("graph") else ""
+    words += ", without the arm" if values.get("without_arm") else ""
     words += ", exact offset" if values.get("offset") == "exact" else ""
     return words + set_up_words(values)

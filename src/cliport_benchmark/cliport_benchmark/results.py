@@ -10,22 +10,32 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from cliport_benchmark.errors import BenchmarkError, DataFolderError
-from cliport_benchmark.evaluation import SECTIONS, Evaluation, Section, read_folder
-from cliport_benchmark.markdown_lines import number, table_line
+from cliport_benchmark.evaluation import LANGUAGE_BLIND, SECTIONS, Evaluation, Section, language_blind, read_folders
+from cliport_benchmark.markdown_lines import count, number, table_line
 from cliport_benchmark.paper_scores import DEMO_COUNTS, paper_methods, paper_scores
 from cliport_benchmark.provenance import command_line
 from cliport_benchmark.results_by_split import by_split
 from cliport_core.command_line import CommandParser
 from cliport_policy.errors import PolicyError
 from sim_bridge.errors import TaskPackageError
+from sim_bridge.tasks import DEMO_TASKS, LANGUAGE_SPLITS
 
 _REMARK = (
     "Mean scores, 0 to 100; the paper's are of 100 episodes after training on {demos} demonstrations a task, of the "
     "checkpoint that is best on that task's validation scenes, with a suction cup or spatula where a parallel gripper "
-    "acts here. Grasps are centred on the thing seen where a column does not say `exact offset`, which the paper's are."
+    "acts here. Grasps are centred on the thing seen where a column does not say `exact offset`, which the paper's "
+    "are. Redrawn: scenes that were drawn again, since a thing found no place or flew apart before the first action; "
+    "broken: episodes in which things flew apart later, which keep the score that stood before; neither is left out of "
+    f"the mean. Chance: what random choices would score, where that is known; {LANGUAGE_BLIND}: an agent that sees and "
+    "handles everything as the expert but does not hear the sentence (`evaluate --checkpoint blind`); a number in "
+    "brackets is of scenes."
 )
+_ORDER = {task: i for i, task in enumerate((*LANGUAGE_SPLITS, *DEMO_TASKS))}
 _WIDTH = 140  # of the lines of text
-_OUR_COLUMNS = ("task", "by", "split", "score", "episodes")
+_OUR_COLUMNS = (
+    *("task", "by", "split", "score", "episodes", "redrawn", "broken", "chance"),
+    LANGUAGE_BLIND,
+)
 
 
 def markdown(evaluations: Sequence[Evaluation], demos: int) -> str:
@@ -44,6 +54,20 @@ def markdown(evaluations: Sequence[Evaluation], demos: int) -> str:
             text.append(table_line([*cells, *map(number, paper)]))
         text.append("")
     return "\n".join(text)
+
+
+def _both_rules(evaluations: Sequence[Evaluation]) -> list[str]:
+    """Return a table of the blind agent's scores under the first rule of this project and the present one."""
+    rows = [
+        table_line([e.task, e.split, str(e.episodes), number(e.with_next), number(e.score), e.commit[:7]])
+        for e in sorted(evaluations, key=lambda e: _ORDER.get(e.task, len(_ORDER)))
+        if e.with_next is not None
+    ]
+    if not rows:
+        return []
+    header = [table_line(["task", "split", "episodes", "next goal counted too", "score", "commit"])]
+    title = f"## What the {LANGUAGE_BLIND} agent reaches, by two rules"
+    return [title, "", *header, table_line(["---"] * 2 + ["---:"] * 3 + ["---"]), *rows, ""]
 
 
 def _doubts(evaluations: Sequence[Evaluation]) -> list[str]:
@@ -74,16 +98,16 @@ def comma_separated(evaluations: Sequence[Evaluation]) -> str:
 def main(arguments: list[str] | None = None) -> int:
     """Run the command; return 0 when there was something to show, 1 on an error."""
     parser = CommandParser(prog="results", description="Evaluations as tables beside the paper's.")
-    parser.add_argument("folder", type=Path, help="where evaluate wrote its JSON files")
+    parser.add_argument("folder", type=Path, nargs="+", help="where evaluate wrote its JSON files")
     parser.add_argument("--out", type=Path, help="Markdown file to write, and a .csv beside it")
     parser.add_argument("--by-split", action="store_true", help="a row for each split, a column for each policy")
     parser.add_argument("--demos", type=int, choices=DEMO_COUNTS, default=1000, help="of the paper's columns")
     options = parser.parse_args(arguments)
     try:
-        evaluations = read_folder(options.folder)
+        evaluations = read_folders(options.folder)
         text = (by_split if options.by_split else markdown)(evaluations, options.demos)
         remark = textwrap.fill(_REMARK.format(demos=options.demos), _WIDTH)
-        text = "\n".join([text, *_doubts(evaluations), remark, ""])
+        text = "\n".join([text, *_both_rules(evaluations), *_doubts(evaluations), remark, ""])
         if options.out is None:
             print(text, end="")
         else:
@@ -98,7 +122,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _rows(section: Section, evaluations: Sequence[Evaluation]) -> list[list[str]]:
-    """Return task, by, split, score, episodes of a section's evaluations, in the order of its tasks.
+    """Return the cells of _OUR_COLUMNS of a section's evaluations, in the order of its tasks.
 
     Beside a table of the paper's, a task without an evaluation has a row too.
     """
@@ -106,10 +130,20 @@ def _rows(section: Section, evaluations: Sequence[Evaluation]) -> list[list[str]
     rows = []
     for task in section.tasks or sorted({e.task for e in here}):
         found = [e for e in here if e.task == task]
-        rows += [[task, e.agent, e.split, number(e.score), str(e.episodes)] for e in found]
+        rows += [_own_cells(e, evaluations) for e in found]
         if section.table and not found:
-            rows.append([task, "", "", "", ""])
+            rows.append([task, *[""] * (len(_OUR_COLUMNS) - 1)])
     return rows
+
+
+def _own_cells(one: Evaluation, evaluations: Sequence[Evaluation]) -> list[str]:
+    """Return the cells of _OUR_COLUMNS of an evaluation."""
+    blind = language_blind(one, evaluations)
+    words = "" if blind is None else number(blind.score)
+    if blind is not None and blind.seeds != one.seeds:
+        words += f" ({blind.episodes})"
+    counts = [count(value) for value in (one.redrawn, one.broken)]
+    return [one.task, one.agent, one.split, number(one.score), str(one.episodes), *counts, number(one.chance), words]
 
 
 def _write(path: Path, text: str) -> None:

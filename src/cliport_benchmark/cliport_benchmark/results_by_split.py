@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from statistics import fmean
 
-from cliport_benchmark.evaluation import OWN_OBJECTS, TEST, VAL, Evaluation, Section, is_everyday
-from cliport_benchmark.markdown_lines import number, table_line
+from cliport_benchmark.evaluation import LANGUAGE_BLIND, OWN_OBJECTS, TEST, VAL, Evaluation, Section, is_everyday
+from cliport_benchmark.markdown_lines import count, number, table_line
 from cliport_benchmark.paper_scores import paper_methods, paper_scores
 from sim_bridge.tasks import LANGUAGE_SPLITS
 
@@ -18,7 +19,8 @@ def by_split(evaluations: Sequence[Evaluation], demos: int) -> str:
     """Return a table each of test scenes, validation scenes and everyday objects of one's own, where there are any.
 
     What belongs to none of them is counted in a line below. A column is of one agent on scenes from one seed on; their
-    number stands in brackets where it differs from split to split. An average is given where it has all of its splits.
+    number stands in brackets where it differs from split to split; beside it how many scenes were drawn again and how
+    many episodes broke. An average is given where it has all of its splits.
     demos: of the paper's columns.
     """
     text: list[str] = []
@@ -31,32 +33,54 @@ def by_split(evaluations: Sequence[Evaluation], demos: int) -> str:
     return "\n".join(text)
 
 
+@dataclass(frozen=True)
+class _Column:
+    """One column: its title, the scores 0..100 that its averages are of, and what stands in it instead of the bare
+    score, by task."""
+
+    title: str
+    scores: Mapping[str, float | None]
+    cells: Mapping[str, str] = field(default_factory=dict)
+
+    def cell(self, task: str) -> str:
+        """Return what stands in a task's row."""
+        return self.cells.get(task, number(self.scores.get(task)))
+
+
 def _table(section: Section, evaluations: Sequence[Evaluation], demos: int) -> list[str]:
     everyday = section is OWN_OBJECTS
     tasks = [task for task in LANGUAGE_SPLITS if is_everyday(task) or not everyday]
-    columns: dict[str, dict[str, float | None]] = {}
-    scenes: dict[str, dict[str, int]] = {}
-    for name, own in sorted(_columns(evaluations).items(), key=lambda item: (item[0].startswith(_LAST), item[0])):
-        columns[name] = {e.task: e.score for e in own}
-        if len({e.episodes for e in own}) > 1:
-            scenes[name] = {e.task: e.episodes for e in own}
+    columns = _own_columns(evaluations)
     for method in paper_methods(section.table) if section.table else []:
         scores = {task: paper_scores().get((section.table, method, task, demos)) for task in tasks}
-        columns[f"{method} @{demos}"] = scores
-    lines = [table_line(["split", *columns]), table_line(["---"] + ["---:"] * len(columns))]
-    for task in tasks:
-        cells = [_cell(column.get(task), scenes.get(name, {}).get(task)) for name, column in columns.items()]
-        lines.append(table_line([task, *cells]))
+        columns.append(_Column(f"{method} @{demos}", scores))
+    lines = [table_line(["split", *(column.title for column in columns)])]
+    lines.append(table_line(["---"] + ["---:"] * len(columns)))
+    lines += [table_line([task, *(column.cell(task) for column in columns)]) for task in tasks]
     for kind in ("seen", "unseen"):
         # The rope has one variant, of what was seen.
         splits = [t for t in tasks if is_everyday(t) == everyday and ("unseen" in t) == (kind == "unseen")]
         words = f"average, {len(splits)} {kind} splits" + ("" if everyday else " without everyday objects")
-        means = [_mean([column.get(task) for task in splits]) for column in columns.values()]
+        means = [_mean([column.scores.get(task) for task in splits]) for column in columns]
         lines.append(table_line([words, *map(number, means)]))
     return lines
 
 
-def _columns(evaluations: Sequence[Evaluation]) -> dict[str, list[Evaluation]]:
+def _own_columns(evaluations: Sequence[Evaluation]) -> list[_Column]:
+    """Return two columns an agent, its scores and how many scenes were redrawn and broke, and one of chance."""
+    columns = []
+    for name, own in sorted(_by_column(evaluations).items(), key=lambda item: (item[0].startswith(_LAST), item[0])):
+        differ = len({e.episodes for e in own}) > 1
+        scores = {e.task: number(e.score) + f" ({e.episodes})" * (differ and e.score is not None) for e in own}
+        title = f"{LANGUAGE_BLIND} ({name})" if own[0].is_blind else name
+        columns.append(_Column(title, {e.task: e.score for e in own}, scores))
+        counts = {e.task: f"{count(e.redrawn)}, {count(e.broken)}" for e in own}
+        columns.append(_Column("redrawn, broken", {}, counts))
+    chances = {e.task: e.chance for e in sorted(evaluations, key=lambda e: e.episodes) if e.chance is not None}
+    return [*columns, _Column("chance", chances)] if chances else columns
+
+
+def _by_column(evaluations: Sequence[Evaluation]) -> dict[str, list[Evaluation]]:
     """Return the evaluations of each column by its name."""
     groups: dict[tuple[str, str], list[Evaluation]] = {}
     for one in evaluations:
@@ -72,10 +96,6 @@ def _columns(evaluations: Sequence[Evaluation]) -> dict[str, list[Evaluation]]:
             name = ", ".join([agent, f"seeds {one.seeds}"] + [one.commit[:7]] * bool(one.commit))
             columns.setdefault(name, []).append(one)
     return columns
-
-
-def _cell(score: float | None, scenes: int | None) -> str:
-    return number(score) + (f" ({scenes})" if scenes is not None and score is not None else "")
 
 
 def _mean(values: Sequence[float | None]) -> float | None:

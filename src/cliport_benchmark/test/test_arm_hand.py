@@ -1,5 +1,7 @@
-"""The arm of the benchmark begins each action with an empty hand."""
+"""The arm of the benchmark begins each action with an empty hand, and carries an error of the pick or does not."""
 
+import math
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -9,6 +11,7 @@ from cliport_benchmark import arm_hand
 from cliport_benchmark.arm_hand import ArmHand
 from cliport_benchmark.observer import Observer
 from cliport_core import PickPlaceAction, PlanarPose, Primitive
+from cliport_core.outcome import Outcome
 from sim_bridge.robot import HAND
 from sim_bridge.scene import reset_scene
 from sim_bridge.world import SimWorld
@@ -34,5 +37,29 @@ def test_after_a_failure_the_executor_knows_that_the_hand_let_go(monkeypatch: py
         somewhere = PlanarPose.identity()
         arm.execute(PickPlaceAction(somewhere, somewhere), observer.frame(world))
         assert not hand.holds(HAND.opening)
+    finally:
+        world.close()
+
+
+@pytest.mark.parametrize(("exact_offset", "expected"), [(False, 0.0), (True, 0.014)])
+def test_a_block_that_is_picked_14_mm_off_is_centred_or_as_far_off_at_the_place(
+    exact_offset: bool, expected: float
+) -> None:
+    """Off along the fingers' width: across it they would centre the block by closing."""
+    world = SimWorld()
+    try:
+        task = reset_scene(world, "stack-block-pyramid-seq-seen-colors", "val", 0)
+        observer = Observer(world.config)
+        arm = ArmHand(world, observer, exact_offset=exact_offset)
+        arm.new_scene(task.primitive)
+        action = task.expert_action()
+        assert action is not None
+        x, y, yaw = action.pick.x, action.pick.y, action.pick.yaw
+        off = PlanarPose(x - 0.014 * math.sin(yaw), y + 0.014 * math.cos(yaw), yaw)
+        named = next(thing for thing in task.objects if math.dist(world.object_xy(thing), (x, y)) < 0.005)
+        result = arm.execute(replace(action, pick=off), observer.frame(world))
+        assert result.outcome is Outcome.SUCCEEDED
+        moved = math.dist(world.object_xy(named), (action.place.x, action.place.y))
+        assert moved == pytest.approx(expected, abs=0.003)
     finally:
         world.close()

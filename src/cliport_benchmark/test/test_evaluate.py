@@ -11,15 +11,14 @@ import pytest
 
 from cliport_benchmark import evaluate_cli
 from cliport_benchmark.agents import Answer, ExpertAgent
-from cliport_benchmark.episode import Episode
-from cliport_benchmark.errors import OptionError
+from cliport_benchmark.episode import Episode, Step
+from cliport_benchmark.errors import BenchmarkError, DataFolderError, OptionError
 from cliport_benchmark.evaluate import EvaluateConfig, Evaluator, evaluate
 from cliport_benchmark.journal import Discarded, Journal
 from cliport_benchmark.kinematic_hand import KinematicHand
 from cliport_benchmark.summary import summary
 from cliport_benchmark.wording import Wording
-from cliport_core import Heightmap, PickPlaceAction, PlanarPose, Primitive
-from cliport_core.outcome import ActionResult, Outcome
+from cliport_core import ActionResult, Heightmap, PickPlaceAction, PlanarPose
 from cliport_core.source_state import source_state
 from cliport_policy.checkpoint import load_card, resolve_checkpoint
 from cliport_policy.named_configs import load_network_config
@@ -50,17 +49,6 @@ def test_expert_solves_a_scene_in_full_physics_and_again_the_same(expert: Evalua
     other.world.close()
 
 
-class QuickHand(KinematicHand):
-    """Moves things without the arm."""
-
-    def new_scene(self, primitive: Primitive) -> None:
-        """Nothing to forget."""
-
-    def execute(self, *arguments: Any) -> ActionResult:
-        super().execute(*arguments)
-        return ActionResult(Outcome.SUCCEEDED, "moved")
-
-
 class Absent(ExpertAgent):
     """The expert, who first reaches into the void."""
 
@@ -76,7 +64,7 @@ class Absent(ExpertAgent):
 
 def test_a_sequence_says_the_next_sentence_when_a_step_is_done(expert: Evaluator) -> None:
     evaluator = Evaluator(replace(expert.config, task="stack-block-pyramid-seq-seen-colors"))
-    evaluator.hand = QuickHand(evaluator.world, np.random.default_rng(0))  # type: ignore[assignment]
+    evaluator.hand = KinematicHand(evaluator.world, np.random.default_rng(0))
     evaluator.agent = Absent()
     episode = evaluator.run(1)
     evaluator.world.close()
@@ -109,7 +97,7 @@ class Undoing(ExpertAgent):
 
 def test_what_counts_is_the_score_at_the_end_not_the_best(expert: Evaluator) -> None:
     evaluator = Evaluator(expert.config)
-    evaluator.hand = QuickHand(evaluator.world, np.random.default_rng(0))  # type: ignore[assignment]
+    evaluator.hand = KinematicHand(evaluator.world, np.random.default_rng(0))
     evaluator.agent = Undoing()
     several = next(seed for seed in range(50) if _blocks_to_move(reset_scene(evaluator.world, SEEN, "test", seed)) > 1)
     episode = evaluator.run(several)
@@ -147,7 +135,7 @@ def test_a_policy_that_was_trained_again_does_not_continue_the_old_ones_evaluati
         Journal(tmp_path / "results.json", config.settings())
 
 
-class Bursting(QuickHand):
+class Bursting(KinematicHand):
     """Moves two things; the third flies off, and takes along what was placed."""
 
     calls = 0
@@ -165,7 +153,7 @@ class Bursting(QuickHand):
 
 def test_physics_that_explodes_leaves_the_score_that_stood_before_it(expert: Evaluator) -> None:
     evaluator = Evaluator(replace(expert.config, task="stack-block-pyramid-seq-seen-colors"))
-    evaluator.hand = Bursting(evaluator.world, np.random.default_rng(0))  # type: ignore[assignment]
+    evaluator.hand = Bursting(evaluator.world, np.random.default_rng(0))
     episode = evaluator.run(1)
     evaluator.world.close()
     assert isinstance(episode, Episode) and episode.broken and "flew off" in episode.error
@@ -203,16 +191,37 @@ class Idle(ExpertAgent):
 
 
 def test_the_agent_without_words_is_the_same_again_and_knows_no_order(expert: Evaluator) -> None:
-    evaluator = Evaluator(replace(expert.config, checkpoint="blind", task="assembling-kits-seq-unseen-colors"))
-    episodes = []
-    for seed in (0, 1, 2, 0):
-        evaluator.hand = QuickHand(evaluator.world, np.random.default_rng(0))  # type: ignore[assignment]
-        episodes.append(evaluator.run(seed))
+    kits = "assembling-kits-seq-unseen-colors"
+    evaluator = Evaluator(replace(expert.config, checkpoint="blind", task=kits, without_arm=True))
+    episodes = [evaluator.run(seed) for seed in (0, 1, 2, 0)]
     evaluator.world.close()
     assert episodes[0] == episodes[3]
     assert all(isinstance(episode, Episode) and episode.steps == 5 for episode in episodes)
     steps = [step for episode in episodes for step in episode.actions if isinstance(episode, Episode)]
     assert 0.0 < np.mean([step.pick_right for step in steps]) < 1.0
+    result = summary(evaluator.config.settings(), episodes)
+    assert result["without_arm"] is True and result["mean_score"] < result["mean_score_with_next"] < 100.0
+
+
+def test_a_score_with_the_next_goal_is_of_the_step_that_would_have_been_the_last() -> None:
+    step = Step("", "fold", (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), "", "", True, True, "SUCCEEDED", "", None, 0.5, 0.6)
+    none = Episode(0, 0.5, 1, 2, 0, "", None, 0.0, "", ())
+    whole = replace(none, actions=(step, replace(step, score_with_next=1.0), replace(step, score_with_next=0.8)))
+    result = summary({"checkpoint": "blind"}, [none, whole, replace(none, actions=(step,))])
+    assert result["mean_score_with_next"] == pytest.approx((0 + 100 + 60) / 3, abs=0.01)
+    assert "mean_score_with_next" not in summary({"checkpoint": "expert"}, [none])
+
+
+def test_without_the_arm_is_another_evaluation_and_for_those_who_know_the_scene(tmp_path: Path) -> None:
+    config = EvaluateConfig("expert", SEEN, "val", 0, 2, without_arm=True)
+    out = tmp_path / "results.json"
+    out.write_text(json.dumps(summary(config.settings(), [Discarded(0, "flew apart")])))
+    assert Journal(out, config.settings()).outcomes.keys() == {0}
+    for other in (replace(config, without_arm=False), replace(config, without_arm=False, exact_offset=True)):
+        with pytest.raises(DataFolderError, match=r"holds results of other settings .*without_arm True not None"):
+            Journal(out, other.settings())
+    with pytest.raises(OptionError, match=r"--without-arm is for expert and blind, who know .*; got default"):
+        replace(config, checkpoint="default")
 
 
 def test_results_say_which_weights_and_method_they_are_of(tmp_path: Path) -> None:
@@ -287,6 +296,25 @@ def test_several_tasks_make_a_folder_and_complete_ones_are_kept(
     assert f"{SEEN}: {tmp_path}/all/{SEEN}.json is kept" in said and "mean_score" not in said
     assert evaluate_cli.main([*arguments, "--first-seed", "2"]) == 1
     assert "holds results of other settings (first_seed 1 not 2)" in capsys.readouterr().err
+
+
+def test_a_task_that_fails_does_not_end_the_others(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def fails(config: EvaluateConfig, *_: object) -> list[Discarded]:
+        if config.task == SEEN:
+            raise BenchmarkError("seed 3: a worker died")
+        return [Discarded(0, "flew apart")]
+
+    monkeypatch.setattr(evaluate_cli, "evaluate", fails)
+    arguments = ["--checkpoint", "expert", "--episodes", "1", "--out", str(tmp_path / "r")]
+    several = f"align-rope,{SEEN},sweeping-piles"
+    assert evaluate_cli.main([*arguments, "--task", several]) == 1
+    assert sorted(path.stem for path in (tmp_path / "r").iterdir()) == ["align-rope", "sweeping-piles"]
+    *_, last = capsys.readouterr().err.splitlines()
+    assert last.startswith("error: 1 of 3 tasks failed") and last.endswith(f": {SEEN}: seed 3: a worker died")
+    monkeypatch.setattr(evaluate_cli, "evaluate", lambda *_: [Discarded(0, "flew apart")])
+    assert evaluate_cli.main([*arguments, "--task", several]) == 0
 
 
 @pytest.mark.parametrize(

@@ -19,7 +19,7 @@ class FakeGraph:
     """Graph and client in one: each seed's score is seed / 10; `failure` comes in seed 2, once."""
 
     def __init__(self) -> None:
-        self.healthy, self.max_steps = True, 4
+        self.healthy, self.max_steps, self.redraws = True, 4, 0
         self.failure: BaseException | None = None
         self.resets: list[int] = []
         self.awaited: list[tuple[float, bool]] = []
@@ -35,6 +35,7 @@ class FakeGraph:
 
     def reset(self, task: str, split: str, seed: int) -> str:
         self.resets.append(seed)
+        self.redraws = 2 * (seed == 1)
         if seed == 3:
             raise SceneError("no free place")
         if seed == 2 and self.failure is not None:
@@ -43,7 +44,7 @@ class FakeGraph:
         return "put it there"
 
     def judged(self, real_time_factor: float) -> Progress:
-        return Progress(self.resets[-1] / 10, False, "put it there")
+        return Progress(self.resets[-1] / 10, False, "put it there", self.resets[-1] == 2)
 
 
 @pytest.fixture
@@ -79,6 +80,7 @@ def test_what_was_scored_before_a_failure_is_kept(
     assert [(e["seed"], e["score"]) for e in result["episodes"]] == [(1, 0.1), (2, 0.2)]
     assert result["discarded_episodes"] == [{"seed": 3, "reason": "no free place"}]
     assert (result["mean_score"], result["n_episodes"], result["graph"], result["offset"]) == (15.0, 2, True, "centred")
+    assert (result["redrawn"], result["redraws"], result["broken"]) == (1, 2, 1)
     assert {"workspace", "camera", "object_set", "weights_sha256"} <= set(result)
     assert [path.name for path in tmp_path.iterdir()] == ["graph.json"]
     assert evaluate_graph.main(arguments(out, episodes=4)) == 0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -26,6 +27,8 @@ class Commands:
 
     def __call__(self, module: str, options: list[str], out: Path, say: Any) -> None:
         self.said.append([module.rpartition(".")[2], *options])
+        exact = options[-1:] == ["--exact-offset"]
+        options = options[:-1] if exact else options
         given = dict(zip(options[::2], options[1::2], strict=True))
         if module.endswith("train"):
             (out / "checkpoints").mkdir(parents=True, exist_ok=True)
@@ -35,7 +38,8 @@ class Commands:
             step = given["--checkpoint"].rpartition("step-")[2][:7]
             out.parent.mkdir(parents=True, exist_ok=True)
             values = {"task": given["--task"], "split": given["--split"], "commit": "abc", "n_episodes": 3}
-            out.write_text(json.dumps({**values, "mean_score": self.scores[f"{given['--split']} {int(step)}"]}))
+            score = self.scores[f"{given['--split']} {int(step)}{' exact' * exact}"]
+            out.write_text(json.dumps({**values, "mean_score": score}))
 
 
 @pytest.fixture
@@ -71,6 +75,20 @@ def test_an_experiment_is_trained_chosen_on_val_and_scored_on_test(tmp_path: Pat
     assert [" ".join(line) for line in commands.said] == [trained, *scored]
     run_experiment(asked, tmp_path, Path("data"), [], lambda _: None)
     assert len(commands.said) == 5, "nothing is made again"
+
+
+def test_a_finished_experiment_still_gets_its_scores_with_the_exact_offset(tmp_path: Path, commands: Commands) -> None:
+    asked = Experiment(TASK, "compact", 7, 4, (4, 2), also_test=(OTHER,))
+    path = run_experiment(asked, tmp_path, Path("data"), [], lambda _: None)
+    assert "test_exact" not in json.loads(path.read_text())
+    before, commands.scores["test 4 exact"] = len(commands.said), 40.0
+    for _ in range(2):
+        run_experiment(replace(asked, exact_offset=True), tmp_path, Path("data"), [], lambda _: None)
+        result = json.loads(path.read_text())
+        found = [result[name][task]["mean_score"] for name in ("test", "test_exact") for task in (TASK, OTHER)]
+        assert found == [65.0, 65.0, 40.0, 40.0]
+    (first, second) = commands.said[before:]
+    assert first[-1] == second[-1] == "--exact-offset" and (first[4], second[4]) == (TASK, OTHER)
 
 
 def test_a_training_that_stopped_and_scenes_without_a_score_are_said(tmp_path: Path, commands: Commands) -> None:

@@ -50,9 +50,15 @@ def test_scores_stand_beside_the_papers(tmp_path: Path) -> None:
     ]
     for row, method in zip(rows, ["CLIPORT (single)", "CLIPORT (single)", "Transporter-only"], strict=True):
         test, val = (paper_scores()[table, method, TASK, int(row[2])] for table in ("1", "4"))
-        assert [row[4], row[8], row[10]] == [f"{test:.1f}", f"{val:.1f}", method]
+        assert [row[5], row[9], row[11]] == [f"{test:.1f}", f"{val:.1f}", method]
     assert json_path.read_text().count('"method"') == 3
     assert cv2.imread(str(plot_path)).shape == (660, 600, 3)  # 5 x 5.5 inches a task, of 120 pixels
+
+
+def test_both_offsets_stand_beside_each_other(tmp_path: Path) -> None:
+    write(tmp_path, "compact", 10, 97.0, test_exact={TASK: {"mean_score": 81.25}})
+    write(tmp_path, "compact", 100, 99.0)
+    assert [row[2:5] for row in rows_of(write_report(tmp_path)[1])] == [["10", "97.0", "81.2"], ["100", "99.0", ""]]
 
 
 def test_a_test_whose_scenes_were_all_discarded_leaves_its_cell_empty(tmp_path: Path) -> None:
@@ -66,7 +72,7 @@ def test_a_test_whose_scenes_were_all_discarded_leaves_its_cell_empty(tmp_path: 
 def test_a_row_is_found_by_the_configs_stem_and_not_for_other_encoders(tmp_path: Path) -> None:
     write(tmp_path, "a", 100, 1.0, config="configs/clip_only_rotator.yaml", settings=["width=0.5"])
     write(tmp_path, "b", 100, 2.0, config="rn50_bert_rotator", own_encoders=False)
-    assert [row[10] for row in rows_of(write_report(tmp_path)[1])] == ["CLIP-only", "CLIPORT (single)"]
+    assert [row[11] for row in rows_of(write_report(tmp_path)[1])] == ["CLIP-only", "CLIPORT (single)"]
 
 
 def test_what_the_paper_has_not_stands_beside_nothing(tmp_path: Path) -> None:
@@ -74,7 +80,7 @@ def test_what_the_paper_has_not_stands_beside_nothing(tmp_path: Path) -> None:
     test = result("x", 100, 50.0)["test"][TASK]
     write(tmp_path, "told", 100, 9.0, task=TASK, settings=["train.recolor=surveyed"], test={TASK: test, unseen: test})
     write(tmp_path, "own", 100, 9.0, task=TASK, test={TASK: test, objects: test | {"object_set": "own-56"}})
-    rows = {(row[1], row[0]): [row[4], row[8]] for row in rows_of(write_report(tmp_path)[1])}
+    rows = {(row[1], row[0]): [row[5], row[9]] for row in rows_of(write_report(tmp_path)[1])}
     assert all(rows[method, TASK][0] and rows[method, TASK][1] for method in ("told", "own"))
     assert rows["told", unseen] == rows["own", objects] == ["", ""]
 

@@ -16,6 +16,7 @@ class Graph:
     script: list[tuple[int, str, int, str, float]]  # state, message, step, the simulator's sentence, score
     said: list[str] = field(default_factory=list)
     looks: int = -1
+    breaks_at: int = 10_000
     stale: bool = False
 
     def instruct(self, text: str) -> None:
@@ -29,7 +30,7 @@ class Graph:
 
     def progress(self) -> Progress:
         *_, sentence, score = self._now()
-        return Progress(score, score > 0.99, sentence)
+        return Progress(score, score > 0.99, sentence, self.looks >= self.breaks_at)
 
     def _now(self) -> tuple[int, str, int, str, float]:
         return self.script[min(max(self.looks, 0), len(self.script) - 1)]
@@ -49,6 +50,13 @@ def test_each_sentence_is_said_when_the_one_before_is_reached() -> None:
     played = graph.play()
     assert graph.said == ["a", "b", ""] and played.sentences == ("a", "b")
     assert played.steps == 2 and played.ended_well and played.score == 1.0
+
+
+def test_an_episode_ends_where_things_flew_apart() -> None:
+    graph = Graph([(EXECUTING, "moving", 1, "a", 0.25)] * 2 + [(LOOKING, "looking", 2, "a", 0.25)] * 9, breaks_at=2)
+    played = graph.play()
+    assert graph.said == ["a", ""] and (graph.looks, played.steps, played.score) == (2, 2, 0.25)
+    assert not played.ended_well
 
 
 def test_the_servers_own_limit_does_not_end_a_task_that_allows_more() -> None:

@@ -19,6 +19,7 @@ COMMIT = "0123456789abcdef"
 BOWLS = "put-blocks-in-bowls-unseen-colors"
 OBJECTS = "packing-unseen-google-objects-seq"
 HANOI = "towers-of-hanoi-seq-seen-colors"
+UNCOUNTED = ("unknown", "unknown", "", "")  # redrawn, broken, chance and the blind agent of a result of old
 
 
 def write(path: Path, **values: object) -> None:
@@ -103,15 +104,52 @@ def test_test_scores_stand_beside_table_1_and_validation_scores_beside_table_4(t
             rows[HANOI][2],
             score,
             "50",
+            *UNCOUNTED,
             *("" if p is None else f"{p}" for p in paper),
         ]
-    assert test[HANOI][5:] != val[HANOI][5:]
-    assert demo_test == {"sweeping-piles": ["sweeping-piles", "expert", "test", "", "0"]}
-    assert len(demo_val["sweeping-piles"]) == 9 and other[HANOI] == [HANOI, "expert", "train", "77.7", "50"]
+    assert test[HANOI][9:] != val[HANOI][9:]
+    assert demo_test == {"sweeping-piles": ["sweeping-piles", "expert", "test", "", "0", *UNCOUNTED]}
+    assert len(demo_val["sweeping-piles"]) == 13
+    assert other[HANOI] == [HANOI, "expert", "train", "77.7", "50", *UNCOUNTED]
     table = {row["split"]: row for row in csv.DictReader(out.with_suffix(".csv").open()) if row["task"] == HANOI}
     one, four = "table 1: CLIPORT (single) @1", "table 4: CLIPORT (single) @1"
     assert table["test"][one] and not table["test"][four] and table["val"][four] == "55.3" and not table["val"][one]
     assert not table["train"][one] and not table["train"][four]
+
+
+def test_what_a_score_is_worth_stands_beside_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """How many scenes were redrawn and broke, chance, and the blind agent on the same scenes, else on the most."""
+    mine, blind = tmp_path / "mine", tmp_path / "blind"
+    mine.mkdir()
+    blind.mkdir()
+    counts = {"redrawn": 3, "broken": 1, "chance": 19.52}
+    write(mine / "a.json", task=BOWLS, checkpoint="mine", first_seed=0, **counts)
+    write(mine / "b.json", task=HANOI, checkpoint="mine", first_seed=0, redrawn=0, broken=0, chance=None)
+    write(mine / "c.json", task=OBJECTS, checkpoint="mine", first_seed=0, object_set="own-56", n_episodes=20)
+    write(mine / "d.json", task=BOWLS, split="val", checkpoint="mine", first_seed=0)
+    blind_one = {"checkpoint": "blind", "without_arm": True}
+    write(blind / "a.json", task=BOWLS, first_seed=0, mean_score=31.2, mean_score_with_next=40.06, **blind_one)
+    write(blind / "more.json", task=BOWLS, first_seed=0, n_episodes=100, mean_score=32.1, **blind_one)
+    write(blind / "other.json", task=HANOI, first_seed=0, n_episodes=40, mean_score=44.4, **blind_one)
+    write(blind / "dark.json", task=HANOI, first_seed=0, mean_score=1.0, randomize={"light": {}}, **blind_one)
+    write(blind / "own.json", task=OBJECTS, first_seed=0, mean_score=41.2, object_set="own-56", **blind_one)
+    write(blind / "google.json", task=OBJECTS, first_seed=0, mean_score=2.0, object_set="google folder", **blind_one)
+    assert main([str(mine), str(blind), "--out", str(tmp_path / "r.md")]) == 0
+    lines = (tmp_path / "r.md").read_text().splitlines()
+    rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in lines if line.startswith("| ")]
+    beside = {(row[0], row[2]): row[5:9] for row in rows if row[1].startswith("mine")}
+    assert beside == {
+        (BOWLS, "test"): ["3", "1", "19.5", "31.2"],
+        (HANOI, "test"): ["0", "0", "", "44.4 (40)"],
+        (OBJECTS, "test"): ["unknown", "unknown", "", "41.2 (50)"],
+        (BOWLS, "val"): ["unknown", "unknown", "", ""],
+    }
+    assert any("blind, without the arm" in line for line in lines)
+    assert [row[2:] for row in rows if row[3:5] == ["40.1", "31.2"]] == [["50", "40.1", "31.2", "0123456"]]
+    table = csv.DictReader((tmp_path / "r.csv").open())
+    assert {row["redrawn"] for row in table if row["by"] == "mine"} == {"3", "0", "unknown"}
+    assert main([str(mine), str(tmp_path / "none")]) == 1
+    assert "there is no folder" in capsys.readouterr().err
 
 
 def test_what_has_no_counterpart_stands_beside_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -123,12 +161,12 @@ def test_what_has_no_counterpart_stands_beside_nothing(tmp_path: Path, capsys: p
     assert main([str(tmp_path)]) == 0
     found = sections(capsys.readouterr().out)
     test = next(rows for title, rows in found.items() if "table 1" in title)
-    assert test[OBJECTS][1:4] == ["expert, google OBJ folder, 56 of 56", "test", "50.0"] and len(test[OBJECTS]) == 11
+    assert test[OBJECTS][1:4] == ["expert, google OBJ folder, 56 of 56", "test", "50.0"] and len(test[OBJECTS]) == 15
     assert test[BOWLS][1] == "" and test[BOWLS.replace("unseen", "seen")][3] == "99.0"
     own = next(rows for title, rows in found.items() if "of this project's own" in title)
-    assert own == {OBJECTS: [OBJECTS, "expert, own-56", "test", "98.6", "50"]}
+    assert own == {OBJECTS: [OBJECTS, "expert, own-56", "test", "98.6", "50", *UNCOUNTED]}
     told = next(rows for title, rows in found.items() if "surveyed" in title)
-    assert told == {BOWLS: [BOWLS, "expert (compact)", "test", "60.0", "50"]}
+    assert told == {BOWLS: [BOWLS, "expert (compact)", "test", "60.0", "50", *UNCOUNTED]}
 
 
 def test_doubtful_scores_are_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -165,10 +203,16 @@ def test_the_card_takes_scores_of_its_own_weights_only(tmp_path: Path, capsys: p
     weights = tmp_path / "policy.safetensors"
     weights.write_bytes(b"weights")
     card = load_card(resolve_checkpoint("default"))
-    weights.with_suffix(".json").write_text(json.dumps(replace(card, scores={}).to_dict()))
-    write(tmp_path / "a.json", chance=19.5, dirty=False, weights_sha256=hashlib.sha256(b"weights").hexdigest())
+    stale = {"bowls test": {"mean_score": 9.0}, "x test": {"mean_score": 9.0, "weights_sha256": "0" * 64}}
+    kept = {"calibration": {"pick": {"n": 3}}}
+    weights.with_suffix(".json").write_text(json.dumps(replace(card, scores=stale | kept).to_dict()))
+    write(
+        tmp_path / "a.json", chance=19.5, redrawn=2, dirty=False, weights_sha256=hashlib.sha256(b"weights").hexdigest()
+    )
     assert card_scores.main(["--checkpoint", str(weights), str(tmp_path / "a.json")]) == 0
-    (entry,) = load_card(weights).scores.items()
+    assert list(load_card(weights).scores) == ["calibration", f"{HANOI} test"]
+    entry = next(item for item in load_card(weights).scores.items() if item[0] != "calibration")
+    assert entry[1]["redrawn"] == 2
     assert entry[0] == f"{HANOI} test" and entry[1]["mean_score"] == 98.57 and entry[1]["commit"] == COMMIT
     assert entry[1]["dirty"] is False and card_doubts(weights) == []
     write(tmp_path / "b.json", dirty=False, weights_sha256="0" * 64)
@@ -177,7 +221,7 @@ def test_the_card_takes_scores_of_its_own_weights_only(tmp_path: Path, capsys: p
         assert card_scores.main(["--checkpoint", str(weights), str(tmp_path / f"{name}.json")]) == 1
         error = capsys.readouterr().err
         assert words in error and error.count("\n") == 1
-    assert len(load_card(weights).scores) == 1
+    assert len(load_card(weights).scores) == 2
 
 
 def test_the_card_tells_scores_of_different_conditions_apart(
@@ -265,7 +309,8 @@ def test_by_split_has_a_column_for_each_agent_and_averages_of_whole_sets(tmp_pat
     for number, task in enumerate(seen):
         write(tmp_path / f"{number}.json", task=task, checkpoint="mine", mean_score=10.0 * number, first_seed=100)
     write(tmp_path / "blind.json", task=seen[0], checkpoint="blind", mean_score=3.0, first_seed=100)
-    write(tmp_path / "again.json", task=seen[0], checkpoint="mine", mean_score=55.0, first_seed=0)
+    counts = {"redrawn": 2, "broken": 0, "chance": 19.5}
+    write(tmp_path / "again.json", task=seen[0], checkpoint="mine", mean_score=55.0, first_seed=0, **counts)
     write(tmp_path / "own.json", task=OBJECTS, checkpoint="mine", mean_score=70.0, object_set="own objects")
     write(tmp_path / "survey.json", survey_colors=30.0)
     write(tmp_path / "demo.json", task=DEMO_TASKS[0])
@@ -273,15 +318,17 @@ def test_by_split_has_a_column_for_each_agent_and_averages_of_whole_sets(tmp_pat
     text = (tmp_path / "r.md").read_text()
     header = next(line for line in text.splitlines() if line.startswith("| split"))
     names = [cell.strip() for cell in header.split("|")[1:-1]]
-    mine = "mine, seeds 100 to 149, 0123456"
-    assert names[1:4] == ["mine, seeds 0 to 49, 0123456", mine, "blind, seeds 100 to 149, 0123456"]
-    assert names[4] == f"{paper_methods('1')[0]} @100"
+    mine, blind = (f"{name}, seeds 100 to 149, 0123456" for name in ("mine", "blind"))
+    assert names[1:7:2] == ["mine, seeds 0 to 49, 0123456", mine, f"language-blind, manually perfect ({blind})"]
+    assert set(names[2:7:2]) == {"redrawn, broken"}
+    assert names[7:9] == ["chance", f"{paper_methods('1')[0]} @100"]
     table, own = sections(text).values()
-    assert table[seen[0]][1:4] == ["55.0", "0.0", "3.0"] and table[seen[1]][1:4] == ["", "10.0", ""]
+    assert table[seen[0]][1:8] == ["55.0", "2, 0", "0.0", "unknown, unknown", "3.0", "unknown, unknown", "19.5"]
+    assert table[seen[1]][1:8] == ["", "", "10.0", "unknown, unknown", "", "", ""]
     seen_average, unseen_average = (
         table[f"average, 7 {kind} splits without everyday objects"] for kind in ("seen", "unseen")
     )
-    assert seen_average[1:4] == ["", "30.0", ""] and unseen_average[1:4] == ["", "", ""]
+    assert seen_average[1:8] == ["", "", "30.0", "", "", "", ""] and not any(unseen_average[1:8])
     column = names.index("CLIPORT (multi) @100")
     assert float(seen_average[column]) == pytest.approx(86.9, abs=0.06)
     assert float(unseen_average[column]) == pytest.approx(53.0, abs=0.06)

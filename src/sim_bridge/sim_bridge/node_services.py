@@ -10,7 +10,7 @@ from rclpy.node import Node
 
 from cliport_core import topics
 from cliport_interfaces.srv import GetScore, ResetTask
-from sim_bridge.errors import SimBridgeError, SimulationError
+from sim_bridge.errors import PhysicsError, SimBridgeError, SimulationError
 from sim_bridge.panda import ArmState
 from sim_bridge.robot import HOME_TOLERANCE, ROBOT
 from sim_bridge.scene import reset_scene
@@ -33,6 +33,7 @@ class SceneServices:
         self._seed = seed
         self._logger = node.get_logger()
         self._was_away = False  # the arm, since the scene was judged
+        self._broken = False  # things flew apart in an action: nothing is judged any more
         self._home_since: float | None = None  # simulated time [s]; None while the arm is away or moves
         loop.every(_JUDGED_EVERY, self._watch)
         group = MutuallyExclusiveCallbackGroup()
@@ -51,6 +52,7 @@ class SceneServices:
             self._logger.warning(f"reset refused: {error}")
             return response
         response.success, response.instruction, response.max_steps = True, task.instruction, task.max_steps
+        response.redraws = task.redraws
         response.message = f"{task.name} {task.split.value} {request.seed}"
         self._logger.info(f"scene: {response.message}: {task.instruction}")
         return response
@@ -74,7 +76,7 @@ class SceneServices:
         """Begin anew with the scene of a cleared world, whose arm is at home."""
         self._loop.arm.reset("the world was reset")
         self._loop.gripper.reset("the world was reset")
-        self._task, self._was_away, self._home_since = task, False, None
+        self._task, self._was_away, self._home_since, self._broken = task, False, None, False
 
     def _watch(self, time: float, state: ArmState) -> None:
         """Judge the scene after an action: when the arm has been away and is home, and everything rests.
@@ -98,10 +100,20 @@ class SceneServices:
         return all(thing.fixed or self._world.is_still(thing) for thing in self._world.objects)
 
     def _judge(self) -> None:
-        """Judge the scene once for each action: goals that are fulfilled without one do not count yet."""
+        """Judge the scene once for each action: goals that are fulfilled without one do not count yet.
+
+        Where things flew apart, the score that stood before stays.
+        """
         self._was_away = False
-        if self._task is not None:
-            self._task.advance()
+        if self._task is None or self._broken:
+            return
+        try:
+            self._world.check_intact()
+        except PhysicsError as error:
+            self._broken = True
+            self._logger.warning(f"the scene is judged no more: {error}")
+            return
+        self._task.advance()
 
     def _score(self, request: GetScore.Request, response: GetScore.Response) -> GetScore.Response:
         try:
@@ -110,12 +122,8 @@ class SceneServices:
         except SimBridgeError as error:
             response.success, response.message = False, str(error)
             return response
-        response.success, response.task, response.split, response.seed = (
-            True,
-            task.name,
-            task.split.value,
-            self._seed,
-        )
+        response.success, response.broken = True, self._broken
+        response.task, response.split, response.seed = task.name, task.split.value, self._seed
         return response
 
     def _score_now(self) -> tuple[float, bool, str]:

@@ -112,8 +112,23 @@ class SimWorld:
             if i >= 24 and self._at_rest():
                 break
             self.step()
-        self._check()
+        self.check_intact()
         return self._at_rest()
+
+    def check_intact(self) -> None:
+        """Refuse a scene in which things flew off: physics that explodes must not become a score.
+
+        Raises:
+            PhysicsError: when an object left the scene or moves impossibly fast.
+        """
+        for thing in self._objects:
+            if thing.fixed:
+                continue
+            at = self.object_pose(thing).translation
+            linear, _ = pybullet.getBaseVelocity(thing.body, physicsClientId=self.client)
+            speed = float(np.linalg.norm(linear))
+            if not (np.isfinite(at).all() and np.abs(at).max() < _MAX_DISTANCE and speed < _MAX_SPEED):
+                raise PhysicsError(f"the {thing.described} flew off to {np.round(at, 2).tolist()} m at {speed:.0f} m/s")
 
     def add(
         self, shape: Shape, pose: Pose, color: str = "", paint: Rgb | None = None, fixed: bool = False
@@ -196,14 +211,3 @@ class SimWorld:
 
     def _at_rest(self) -> bool:
         return all(thing.fixed or self.is_still(thing) for thing in self._objects)
-
-    def _check(self) -> None:
-        """Raise PhysicsError where an object flew off: physics that explodes must not become a score."""
-        for thing in self._objects:
-            if thing.fixed:
-                continue
-            at = self.object_pose(thing).translation
-            linear, _ = pybullet.getBaseVelocity(thing.body, physicsClientId=self.client)
-            speed = float(np.linalg.norm(linear))
-            if not (np.isfinite(at).all() and np.abs(at).max() < _MAX_DISTANCE and speed < _MAX_SPEED):
-                raise PhysicsError(f"the {thing.described} flew off to {np.round(at, 2).tolist()} m at {speed:.0f} m/s")

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from sim_bridge import node_services
-from sim_bridge.errors import LayoutError, SimBridgeError, SimulationError, UnknownNameError
+from sim_bridge.errors import LayoutError, PhysicsError, SimBridgeError, SimulationError, UnknownNameError
 from sim_bridge.node_services import SceneServices
 from sim_bridge.robot import ROBOT
 
@@ -21,7 +21,7 @@ class Bench:
 
     def __init__(self) -> None:
         self.judged = 0
-        self.still, self.fixed = True, False
+        self.still, self.fixed, self.apart = True, False, False
         self.state = SimpleNamespace(positions=HOME)
         self.resets: list[str] = []
         world = SimpleNamespace(
@@ -30,13 +30,21 @@ class Bench:
             panda=SimpleNamespace(state=lambda: self.state),
             objects=[SimpleNamespace(fixed=False)],
             is_still=lambda thing: self.still,
+            check_intact=self._check_intact,
         )
         arm = SimpleNamespace(active=None, reset=self.resets.append)
         hand = SimpleNamespace(reset=self.resets.append)
         self.loop = SimpleNamespace(world=world, arm=arm, gripper=hand, every=self._every, call=lambda job: job())
-        node = SimpleNamespace(get_logger=lambda: None, create_service=lambda *a, **k: None)
+        node = SimpleNamespace(
+            get_logger=lambda: SimpleNamespace(warning=self.resets.append), create_service=lambda *a, **k: None
+        )
         task = SimpleNamespace(
-            advance=self._advance, score=lambda: 0.25, done=lambda: False, instruction="put it there"
+            advance=self._advance,
+            score=lambda: 0.25,
+            done=lambda: False,
+            instruction="put it there",
+            name="x",
+            split=SimpleNamespace(value="val"),
         )
         self.services = SceneServices(node, self.loop, task, 3)  # type: ignore[arg-type]
 
@@ -45,6 +53,10 @@ class Bench:
 
     def _advance(self) -> None:
         self.judged += 1
+
+    def _check_intact(self) -> None:
+        if self.apart:
+            raise PhysicsError("the red block flew off")
 
     def at(self, off: float, time: float = 0.0) -> None:
         """Let the loop see the arm so far from home [rad] at that simulated time [s]."""
@@ -63,6 +75,20 @@ def bench() -> Bench:
 def test_nothing_is_judged_before_an_action(bench: Bench) -> None:
     bench.at(0.0)
     assert bench.ask() == 0.25 and bench.judged == 0
+
+
+def test_a_scene_that_flew_apart_keeps_its_score_and_is_judged_no_more(bench: Bench) -> None:
+    bench.at(0.5)
+    bench.at(0.0)
+    assert bench.judged == 1 and not bench.services._broken
+    for bench.apart in (True, False):
+        bench.at(0.5)
+        bench.at(0.0)
+        response = bench.services._score(None, SimpleNamespace())  # type: ignore[arg-type]
+        assert response.broken and (response.score, bench.judged) == (0.25, 1)
+    assert bench.resets == ["the scene is judged no more: the red block flew off"]
+    bench.services._take_scene(bench.services._task)
+    assert not bench.services._broken
 
 
 def test_an_action_is_judged_once_however_often_one_asks(bench: Bench) -> None:

@@ -1,11 +1,16 @@
-"""align-rope and manipulating-rope: sides, slots, metric, and an expert that brings beads nearer."""
+"""align-rope and manipulating-rope: sides, slots, metric, and an expert that brings beads nearer.
+
+As a command it counts the scenes in which the rope lies across itself:
+
+    python src/sim_bridge/test/test_task_rope.py
+"""
 
 from collections.abc import Iterator
 
 import numpy as np
 import pytest
 
-from cliport_core import Pose, Primitive
+from cliport_core import PlanarPose, Pose, Primitive
 from sim_bridge.objects.rope import BEAD_SIZE, BEAD_SPACING, ROPE_BEADS, SQUARE_SIDE
 from sim_bridge.scene import reset_scene
 from sim_bridge.task_mechanics.folding import next_fold
@@ -67,13 +72,17 @@ def heaps(world: SimWorld, count: int) -> list[np.ndarray]:
     return [np.array([world.object_xy(bead) for bead in scene(world, seed).beads]) for seed in range(count)]
 
 
+def lies_across_itself(beads: np.ndarray) -> bool:
+    """Two beads (20, 2) [m] that are no neighbours are nearer to each other than a bead is wide."""
+    apart = np.linalg.norm(beads[:, None] - beads[None], axis=-1)
+    return bool((apart[np.triu_indices(ROPE_BEADS, 3)] < BEAD_SIZE).any())
+
+
 def test_the_rope_falls_into_a_heap_another_one_in_each_scene(world: SimWorld) -> None:
     lying = heaps(world, 6)
     assert all(np.ptp(beads, axis=0).max() < 0.2 for beads in lying)
     apart = [np.linalg.norm(beads[:, None] - beads[None], axis=-1) for beads in lying]
-    first, second = np.triu_indices(ROPE_BEADS, 3)
-    crossed = [int((distance[first, second] < BEAD_SIZE).sum()) for distance in apart]
-    assert sum(count > 0 for count in crossed) >= 3  # strands lie across each other
+    assert sum(map(lies_across_itself, lying)) >= 3
     for i in range(1, len(lying)):
         assert np.abs(apart[i] - apart[0]).max() > 0.01
 
@@ -110,6 +119,21 @@ def test_the_expert_folds_a_bead_to_a_slot(world: SimWorld) -> None:
     assert choice.picked.endswith("bead") and choice.place_right
 
 
+def test_a_bead_that_is_pinched_beside_its_middle_is_judged_where_the_fold_takes_it(world: SimWorld) -> None:
+    """A fold acts where it is told, so a pick 8 mm beside the bead leaves the bead 8 mm behind the place."""
+    task = scene(world, 1)
+    beads = np.array([world.object_xy(bead) for bead in task.beads])
+    end = next(i for i in (0, ROPE_BEADS - 1) if np.sort(np.linalg.norm(beads - beads[i], axis=1))[1] > 0.012)
+    slot = task.goals[0].targets[end].translation[:2]
+    away = beads[end] - beads[np.argsort(np.linalg.norm(beads - beads[end], axis=1))[1]]
+    shift = 0.008 * away / np.linalg.norm(away)
+    pick = PlanarPose(*(beads[end] + shift).tolist(), 0.3)
+    for far, right in ((2.0, True), (3.0, True), (4.0, False)):  # the bead comes 8, 16 and 24 mm from its slot
+        judged = task.judge(pick, PlanarPose(*(slot + far * shift).tolist(), 0.3))
+        assert judged == task.judge(pick, PlanarPose(*(slot + far * shift).tolist(), 0.3), exact_offset=True)
+        assert (judged.picked, judged.place_right) == ("white bead", right)
+
+
 def test_an_end_beside_the_rope_is_worth_more_than_a_bead_almost_right() -> None:
     slots = np.column_stack([np.full(ROPE_BEADS, 0.5), np.arange(ROPE_BEADS) * BEAD_SPACING])
     beads = slots + np.array([0.012, 0.0])
@@ -129,3 +153,7 @@ def test_a_bead_that_was_tried_in_vain_waits_for_another(world: SimWorld) -> Non
         picked.append((action.pick.x, action.pick.y))
         task.advance()
     assert len(set(picked)) == 3
+
+
+if __name__ == "__main__":
+    print(f"{sum(map(lies_across_itself, heaps(SimWorld(), 30)))} of 30 validation scenes")

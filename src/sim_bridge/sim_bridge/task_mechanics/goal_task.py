@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from cliport_core import PickPlaceAction, PlanarPose
+from cliport_core import PickPlaceAction, PlanarPose, Primitive
 from sim_bridge.errors import SimulationError
 from sim_bridge.objects import Pinch, SceneObject
 from sim_bridge.task_mechanics.clearance import FingerClearance
@@ -141,6 +141,10 @@ class GoalTask(Task):
         """Return the score that the last action left; before the first one, the running score."""
         return self.running_score() if self._left_score is None else self._left_score
 
+    def score_with_next(self) -> float:
+        """Return the running score: after `advance` the present goal is the next one."""
+        return self.running_score()
+
     def running_score(self) -> float:
         """Return the score that an action would leave if it ended now: goals that
         were reached, and the present one's share."""
@@ -266,7 +270,8 @@ class GoalTask(Task):
         if goal is None or picked is None or picked not in goal.objects:
             return JudgedAction(picked.described if picked else "", under.described if under else "", False, False)
         here = self.world.planar_pose(picked)
-        held = pick if exact_offset else self._centred(picked, pick)
+        centres = self.primitive is Primitive.PICK_PLACE and not exact_offset  # a fold acts where it is told
+        held = self._centred(picked, pick) if centres else pick
         there = place @ held.inverse() @ here
         fits = goal.allows(picked, there.x, there.y)
         open_moves = [thing for thing, _ in self.moves_to_make(goal)]

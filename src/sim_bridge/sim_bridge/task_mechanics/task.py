@@ -96,6 +96,10 @@ class Task(ABC):
     def score(self) -> float:
         """Score the last action, 0..1; before the first one, the scene as it is. Changes nothing."""
 
+    def score_with_next(self) -> float:
+        """Return the score, 0..1, with the next goal counted as far as it is fulfilled without an action."""
+        return self.score()
+
     @abstractmethod
     def advance(self) -> None:
         """Judge the scene, once after each action: keep its score, then, when the

@@ -88,6 +88,36 @@ ADAPTATIONS: tuple[Adaptation, ...] = (
         "none: an episode has ended when they are said",
     ),
     Adaptation(
+        "all",
+        "the agent may end the episode: done, or a sentence that it refuses",
+        "a robot at work must know when to stop",
+        "none where it is right; one that stops too early keeps the score that stands",
+    ),
+    Adaptation(
+        "all",
+        "things have 2 s to come to rest, then the scene is judged and observed as it is",
+        "a rope or something round never quite rests",
+        "none where all rests by then",
+    ),
+    Adaptation(
+        "all",
+        "a held thing is let go at a planned height, just above what the camera saw at the place",
+        "the arm goes where the plan says; it does not feel contact",
+        "harder: things fall some millimetres, and tilt or bounce where the cloud errs",
+    ),
+    Adaptation(
+        "all",
+        "inertias are those of the collision shapes, not three times them",
+        "what weighs 100 g shall turn as what weighs 100 g does",
+        "not measured; things that are pushed or fall turn sooner",
+    ),
+    Adaptation(
+        "all",
+        "a thing whose move changed nothing comes later in the expert's order; one that no camera sees is moved too",
+        "physics repeats itself: the same grasp would fail again and again; the expert knows where things are",
+        "none on the metric; experts finish scenes that would be given up",
+    ),
+    Adaptation(
         "put-blocks-in-bowls, place-red-in-green",
         "a bowl's pose is its middle; it collides as 15 wall pieces and a floor; a block weighs 30 g",
         "the original mesh lies 26 mm off its pose; fingers and blocks go into bowls; steadier grasps",
@@ -221,5 +251,18 @@ ADAPTATIONS: tuple[Adaptation, ...] = (
         "the whole rope better, and prefers a bead beside which the fingers meet no other",
         "a parallel hand has a yaw, and catches what lies beside a bead; the original drags the farthest, unturned",
         "none on the metric; other beads and turns are shown than the original's expert shows",
+    ),
+    Adaptation(
+        "align-rope, manipulating-rope",
+        "the expert leaves a bead that is within 10 mm of its slot, not 20",
+        "the score's edge is 20 mm: a bead on it is dragged off by its neighbours",
+        "none on the metric; demonstrations go on where the original's end",
+    ),
+    Adaptation(
+        "align-rope, manipulating-rope",
+        "the rope lies across itself in 26 of 30 scenes, not in all: two beads that are no neighbours come within 10 "
+        "mm of each other in the plane (python src/sim_bridge/test/test_task_rope.py counts them)",
+        "the stack falls with a yaw and a wobble of its own",
+        "slightly easier: four of 30 ropes are open from the start",
     ),
 )
