@@ -61,6 +61,15 @@ function showState({ state, words }) {
   document.title = `${sign} ${name} – Demonstrate`;
 }
 
+/**
+ * How old the picture is, beside the words that are announced: a count that runs would be announced every second.
+ * @param {View} view
+ */
+function showAge({ state, camera }) {
+  const seconds = Math.round((camera.age_ms ?? 0) / 1000);
+  say(byId("state-age"), state === "stale" && Math.abs(1000 * seconds) < CLOCKS_APART_MS ? `The picture is ${seconds} s old.` : "");
+}
+
 /** @param {View} view */
 function showHolder({ holder, may_take_over: mayTakeOver, pages }) {
   byId("watching").hidden = holder === "me";
@@ -80,6 +89,7 @@ function showConnection(open) {
 /** @param {View} view */
 function show(view) {
   showState(view);
+  showAge(view);
   showHolder(view);
   byId("stopped").hidden = view.state !== "stopped";
   button("resume").disabled = view.holder !== "me";
@@ -103,6 +113,7 @@ connection.addEventListener("open", () => showConnection(true));
 connection.addEventListener("lost", () => {
   showConnection(false);
   showState({ state: "connecting", words: "The connection to the server is lost." });
+  say(byId("state-age"), "");
   stage.enabled = false;
   panel.disable();
   approvalBar.disable();
