@@ -71,8 +71,8 @@ class Scenes(Protocol):
 class Lessons(Protocol):
     """Interface of what learns from episodes. Only `close` waits; the callbacks come from another thread."""
 
-    def begin(self, data_set: Path, on_line: OnLine, on_end: OnLessonEnd) -> None:
-        """Learn from the episodes of a data set's folder. Raises NotNowError where that cannot begin."""
+    def begin(self, data_set: Path, options: Sequence[str], on_line: OnLine, on_end: OnLessonEnd) -> None:
+        """Learn from the episodes of a data set's folder with options of `learn`. Raises NotNowError."""
 
     def stop(self) -> None:
         """Save what is learned and end; begun again, it goes on."""

@@ -289,10 +289,13 @@ class FakeLessons:
         self.data_sets: list[Path] = []
         self.stops, self.closed, self.fault = 0, False, ""
 
-    def begin(self, data_set: Path, on_line: Callable[[str], None], on_end: Callable[..., None]) -> None:
+    def begin(
+        self, data_set: Path, options: Sequence[str], on_line: Callable[[str], None], on_end: Callable[..., None]
+    ) -> None:
         if self.fault:
             raise NotNowError(self.fault)
         self.data_sets.append(data_set)
+        self.options = list(options)
         self.on_line, self.on_end = on_line, on_end
 
     def stop(self) -> None:
