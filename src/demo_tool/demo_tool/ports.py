@@ -39,6 +39,12 @@ class Arm(Protocol):
     def cancel(self) -> None:
         """Cancel the present goal, if there is one."""
 
+    def check(self, goal: ActionGoal, on_end: OnEnd) -> None:
+        """Plan a goal without moving, beside `send`; only where nothing else is asked of the arm."""
+
+    def cancel_check(self) -> None:
+        """Cancel the check, if there is one."""
+
     def approve(self, plan_id: str, on_answer: OnAnswer) -> None:
         """Approve the plan of that id, and no other; on_answer: told what the executor says to that."""
 

@@ -150,6 +150,10 @@ class FakeArm:
     recoveries: int = 0
     busy: bool = False
     goals: list[ActionGoal] = field(default_factory=list)
+    checks: list[ActionGoal] = field(default_factory=list)
+    holds_checks: bool = False
+    cancelled_checks: int = 0
+    end_check: Callable[..., None] = lambda: None
     stops: int = 0
     stopped: bool = False
     on_stop_failure: OnFailure = lambda words: None
@@ -173,6 +177,21 @@ class FakeArm:
             threading.Thread(target=self._play, args=(goal, on_phase, on_end), daemon=True).start()
         else:
             self._play(goal, on_phase, on_end)
+
+    def check(self, goal: ActionGoal, on_end: OnEnd) -> None:
+        """Answer at once, unless `holds_checks`: then `end_check` is kept for the test."""
+        self.checks.append(goal)
+
+        def end(outcome: Outcome = Outcome.PLANNED) -> None:
+            on_end(ActionResult(outcome, "a way was found" if outcome is Outcome.PLANNED else ""))
+
+        self.end_check = end
+        if not self.holds_checks:
+            end()
+
+    def cancel_check(self) -> None:
+        """Take note of it."""
+        self.cancelled_checks += 1
 
     def cancel(self) -> None:
         """End the present goal."""
