@@ -1,4 +1,4 @@
-"""Whether the arm can do what is drawn, asked by itself once a drawing has been left alone for a moment."""
+"""Check whether the arm can do what is drawn, made by itself once a drawing has been left alone for a moment."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def plan_words(result: ActionResult) -> str:
 
 
 class ReachCheck:
-    """At most one check, of the newest drawing; it ends at once when the arm is wanted.
+    """One check at a time, of the newest drawing; it ends at once when the arm is wanted.
 
     The bulletin's lock guards it. delay: for which a drawing must be left alone [s]; show: told what was found of the
     present drawing. Times are those of a steady clock [s], handed in.
