@@ -23,9 +23,10 @@ def open_reader(path: Path) -> Reader:
     """
     try:
         from cliport_core import bag_library
+        from cliport_core.bag_limits import TooMuchError
     except ImportError:
         raise CommandError("What reads bags is not built yet: run tools/build and source env.sh") from None
     try:
         return bag_library.open_reader(path)
-    except bag_library.TooMuchError as error:
+    except TooMuchError as error:
         raise HostileBag(str(error)) from None
