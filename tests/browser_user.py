@@ -16,6 +16,11 @@ _ARGUMENTS = (
     *("--disable-background-networking", "--disable-component-update", "--disable-sync"),
 )
 Point = tuple[float, float]  # of the screen [pixels]
+_COUNT_POINTER = """
+addEventListener('pointerdown', (event) => {
+  if (event.isTrusted) sessionStorage.pointerActions = 1 + Number(sessionStorage.pointerActions ?? 0);
+}, true);
+"""
 
 
 @contextmanager
@@ -37,7 +42,13 @@ class BrowserUser:
         self.page: Page = browser.new_context(**device).new_page()
         self.page.set_default_timeout(1000 * patience)
         self.page.on("pageerror", lambda error: self.faults.append(str(error)))
+        self.page.add_init_script(_COUNT_POINTER)
         self.page.goto(address)
+
+    @property
+    def pointer_actions(self) -> int:
+        """Clicks, taps and drags so far, also before the page was loaded again."""
+        return int(self.page.evaluate("Number(sessionStorage.pointerActions ?? 0)"))
 
     def sees(self, state: str, timeout: float | None = None) -> None:
         """Wait until the page says that the arm is in a state; timeout [s]: another than the usual one."""

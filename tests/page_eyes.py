@@ -83,6 +83,15 @@ def fold(picture: NDArray[np.uint8], turn: int = 0) -> tuple[Blob, Blob]:
     return Blob.around(near.mean(axis=0), scale * _BOX, across), Blob.around(square, scale * _BOX)
 
 
+def share_outside(picture: NDArray[np.uint8]) -> float:
+    """Return the share of all red that lies outside of the rectangle around all green."""
+    red, green = _points(picture, "red"), _points(picture, "green")
+    if not len(red):
+        return 0.0
+    within = ((red >= green.min(axis=0)) & (red <= green.max(axis=0))).all(axis=1)
+    return float(1.0 - within.mean())
+
+
 def distance(picture: NDArray[np.uint8], color: str, point: tuple[float, float]) -> float:
     """Return the distance to the nearest pixel of a colour."""
     return float(np.linalg.norm(_points(picture, color) - point, axis=1).min())

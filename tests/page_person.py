@@ -2,10 +2,13 @@
 
     python tests/page_person.py --episodes 10 --out out/teaching
     python tests/page_person.py --episodes 5 --primitive sweep --out out/sweeps
+    python tests/page_person.py --episodes 10 --by clicks --out out/clicked
 
 starts the simulator's graph and `demo_tool app`, records that many demonstrations of two steps in Chromium, with a
 reload in the midst of one and a killed server in the midst of another, and says what the bags hold, which it reads with
-the `rosbags` library alone. With another primitive the demonstrations are of one step.
+the `rosbags` library alone. With another primitive the demonstrations are of one step. By clicks it points at the
+things and presses E; by boxes, as the page once demanded, it draws them and turns the fingers. It prints the median
+number of pointer actions and seconds a step, until the arm begins and with its motion.
 """
 
 from __future__ import annotations
@@ -28,8 +31,9 @@ import numpy as np
 import page_eyes as eyes
 from browser_user import BrowserUser, chromium
 from numpy.typing import NDArray
+from page_effort import Effort, effort_words
 from page_eyes import Blob, find, inside
-from playwright.sync_api import Browser, TimeoutError, expect, sync_playwright
+from playwright.sync_api import Browser, expect, sync_playwright
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
@@ -45,6 +49,7 @@ OTHERS = {  # primitive: a task of it, and its sentence
 expect.set_options(timeout=20_000)
 SUCCEEDED = 0
 DATA_SET = "by-hand"
+WIDTHS, HEIGHT = (1280, 768, 390), 900  # of the page in an album
 _TRIES = 30  # of a click that the page refuses
 _ATTEMPTS = 8  # of a step that the arm does not carry through
 _REFUSAL = "#answer[data-ok=false]"  # its words may stand elsewhere on the page
@@ -54,9 +59,12 @@ class Person(BrowserUser):
     """One at a page that is open in a browser, who sees the picture only."""
 
     def __init__(self, browser: Browser, address: str, album: Path | None = None) -> None:
-        """album: a folder for a picture of the page in each of its main states."""
-        super().__init__(browser, address, patience=20.0, viewport={"width": 1280, "height": 900})
+        """album: a folder for pictures of the page in each of its main states, in each width."""
+        super().__init__(browser, address, patience=20.0, viewport={"width": WIDTHS[0], "height": HEIGHT})
         self.album = album
+        self.efforts: list[Effort] = []  # for each step that the arm carried through
+        self._effort = Effort(0, 0.0, 0.0)
+        self.executes_by_key = False
 
     def sees(self, state: str, timeout: float | None = 60.0) -> None:
         """Wait until the page says that the arm is in a state, as long as the simulated arm takes for most things."""
@@ -97,21 +105,28 @@ class Person(BrowserUser):
     def steps(self) -> int:
         return self.page.locator("#steps li").count()
 
-    def pick_and_place(self) -> None:
+    def pick_and_place(self, by_clicks: bool = False) -> None:
         """One step: a red thing that is in no bowl into a green one that is empty; again where the arm failed."""
+        self._begin_to_count()
+        self.executes_by_key = by_clicks
         for _ in range(_ATTEMPTS):
-            self.draw_a_step()
+            self.draw_a_step(by_clicks)
             if self.act():
                 return
 
-    def draw_a_step(self) -> None:
+    def _begin_to_count(self) -> None:
+        now = time.monotonic()
+        self._effort = Effort(self.pointer_actions, now, now)
+
+    def draw_a_step(self, by_clicks: bool = False) -> None:
         """Draw such a step, which the arm can do."""
         picture = self.picture()
         blocks, bowls = find(picture, "red"), find(picture, "green", least=800)
         loose = [block for block in blocks if not any(inside(block, bowl) for bowl in bowls)]
         empty = [bowl for bowl in bowls if not any(inside(block, bowl) for block in blocks)]
         assert loose, "nothing is left to be picked, but the page did not call the step done"
-        can = self.draw_and_preview(loose[0], empty[0], picture.shape, margins=(4, 0))
+        draw = self.point_at if by_clicks else self.draw_and_preview
+        can = draw(loose[0], empty[0], picture.shape, margins=(4, 0))
         assert can, self.page.locator("#answer").text_content()
 
     def sweep_or_fold(self, primitive: str) -> None:
@@ -119,6 +134,7 @@ class Person(BrowserUser):
         button = self.page.locator(f"#primitive [data-primitive={primitive}]")
         button.click()
         expect(button).to_have_attribute("aria-pressed", "true")
+        self._begin_to_count()
         for attempt in range(_ATTEMPTS):
             picture = self.picture()
             start, end = eyes.sweep(picture) if primitive == "sweep" else eyes.fold(picture, attempt)
@@ -131,11 +147,27 @@ class Person(BrowserUser):
         self._until(lambda: self.draws("place", end, shape, margins[1]))
         return any(self.can(start, shape, start.angle + turn) for turn in 2 * (0.0, math.pi / 2))
 
+    def point_at(self, start: Blob, end: Blob, shape: tuple[int, ...], margins: tuple[float, float]) -> bool:
+        """Click on the thing and on its place, and wait for the sign that the page shows; else draw both boxes."""
+        if self.page.locator("#clear").is_enabled():
+            self.page.locator("#clear").click()
+        self._until(lambda: self.points("pick", start, shape))
+        self._until(lambda: self.points("place", end, shape))
+        mark = self.page.locator("#overlay .reach")
+        mark.wait_for()
+        return mark.and_(self.page.locator(".good")).count() > 0 or self.draw_and_preview(start, end, shape, margins)
+
+    def points(self, end: str, blob: Blob, shape: tuple[int, ...]) -> bool:
+        """Click on something; whether the page draws the end around it."""
+        self.page.mouse.click(*self.pixel(blob.centre[1], blob.centre[0], shape))
+        return self._answered(f".end.{end} .end-words:has-text('points')")
+
     def act(self) -> bool:
         """Let the arm do what was drawn, to its end; whether the page says of a new step that it succeeded."""
         before = self.steps()
         self.remember("previewed")
         self.begin()
+        begun = time.monotonic()
         if self.album:
             self.page.locator("#progress:not([hidden])").wait_for()
             time.sleep(2.0)
@@ -143,7 +175,11 @@ class Person(BrowserUser):
         self.is_free()
         said = self.page.locator("#steps li").last if self.steps() > before else self.page.locator("#state-words")
         print(words := said.text_content() or "", flush=True)
-        return self.steps() > before and words.endswith("succeeded")
+        done = self.steps() > before and words.endswith("succeeded")
+        if done:
+            actions, start, _ = self._effort
+            self.efforts.append(Effort(self.pointer_actions - actions, begun - start, time.monotonic() - start))
+        return done
 
     def begin(self) -> None:
         """Let the arm begin with what was drawn."""
@@ -159,9 +195,13 @@ class Person(BrowserUser):
     def executes(self) -> bool:
         """Let the arm do it; whether it begins."""
         try:
-            self.page.locator("#execute").click(timeout=5_000)
-        except TimeoutError:  # it is disabled while the picture or the arm is not there
+            expect(self.page.locator("#execute")).to_be_enabled(timeout=5_000)
+        except AssertionError:  # it is disabled while the picture or the arm is not there
             return False
+        if self.executes_by_key:
+            self.page.keyboard.press("e")
+        else:
+            self.page.locator("#execute").click()
         return self._answered("#state:is([data-state=planning], [data-state=executing])")
 
     def draws(self, end: str, blob: Blob, shape: tuple[int, ...], margin: float) -> bool:
@@ -201,9 +241,13 @@ class Person(BrowserUser):
 
     def remember(self, state: str) -> None:
         """Put a picture of the page into the album, where there is one and it lacks this."""
-        if self.album and not (self.album / f"page_{state}.jpg").exists():
-            self.album.mkdir(parents=True, exist_ok=True)
-            self.page.screenshot(path=self.album / f"page_{state}.jpg", type="jpeg", quality=80)
+        if self.album is None or (self.album / f"page_{state}.jpg").exists():
+            return
+        self.album.mkdir(parents=True, exist_ok=True)
+        for width in reversed(WIDTHS):  # it is left as wide as it was
+            self.page.set_viewport_size({"width": width, "height": HEIGHT})
+            name = f"page_{state}.jpg" if width == WIDTHS[0] else f"page_{state}_{width}.jpg"
+            self.page.screenshot(path=self.album / name, type="jpeg", quality=80, full_page=width != WIDTHS[0])
 
     def _until(self, act: Callable[[], bool]) -> None:
         """Try again what the page refuses: now and then a picture is too old, or a direction is no good."""
@@ -313,18 +357,18 @@ def outcomes(data_set: Path) -> list[list[int]]:
 
 def record_two_steps(person: Person, place: Workplace, options: argparse.Namespace) -> None:
     """Demonstrations of blocks in bowls."""
-    seed, started = options.seed, time.monotonic()
+    seed, started, by_clicks = options.seed, time.monotonic(), options.by == "clicks"
     for number in range(options.episodes):
         seed = lay_out(person, place.client, seed)
         person.say(SENTENCE)
-        person.pick_and_place()
+        person.pick_and_place(by_clicks)
         if number == 2:
             person.page.reload()
         if number == 4:
             place.kill_and_restart()
             go_on(person)
         expect(person.page.locator("#steps li")).not_to_have_count(0)
-        person.pick_and_place()
+        person.pick_and_place(by_clicks)
         score = place.client.score()
         person.end_episode(score > 0.99)
         print(f"episode {number + 1}: score {score:.2f}, {time.monotonic() - started:.0f} s", flush=True)
@@ -344,6 +388,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--episodes", type=int, default=10)
     parser.add_argument("--primitive", choices=("pick_place", *OTHERS), default="pick_place")
+    parser.add_argument("--by", choices=("boxes", "clicks"), default="boxes", help="how blocks are demonstrated")
     parser.add_argument("--seed", type=int, default=3000)
     parser.add_argument("--speed", type=float, default=2.0, help="simulated seconds per second")
     parser.add_argument("--out", type=Path, default=Path("out/teaching"))
@@ -360,6 +405,7 @@ def main() -> int:
     print(f"{len(found)} episodes of {Counter(len(steps) for steps in found)} steps; outcomes {found}")
     held = sum(outcome == SUCCEEDED for steps in found for outcome in steps)
     print(f"{held} of {sum(map(len, found))} steps succeeded")
+    print(effort_words(person.efforts))
     return 0
 
 

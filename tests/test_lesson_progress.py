@@ -4,9 +4,11 @@ import io
 
 import pytest
 
+from cliport_policy import learn
+from cliport_policy.checkpoint import GENERAL_NAME
 from cliport_policy.training.log import ProgressLine
 from cliport_policy.training.trainer import Progress
-from demo_tool.teach_now import _TRAINED
+from demo_tool.teach_now import _STOPPED, _TRAINED, BEGINNINGS
 
 
 @pytest.mark.parametrize("step", [1, 150, 200])
@@ -17,3 +19,8 @@ def test_the_page_understands_the_trainings_line(step: int) -> None:
     found = _TRAINED.match(line)
     assert found is not None and (int(found[1]), int(found[2])) == (step, 200)
     assert line[found.end() :].strip().startswith("locator 2.310")
+
+
+def test_the_page_offers_what_a_lesson_can_begin_with() -> None:
+    assert BEGINNINGS == (learn.AUTO, "default", GENERAL_NAME, learn.FROM_NOTHING)
+    assert _STOPPED == learn.STOPPED

@@ -9,13 +9,10 @@ from pathlib import Path
 
 import lz4.frame
 import pytest
-from backports import zstd
+from hostile_bags import HUGE, MAGIC, MEBIBYTE, bomb, chunk, record, sized_frame, text, write_mcap, zeros
 from ros2_bags import ROS2, TIMEOUT, storage_file, write_bag
 from std_msgs.msg import String
 
-MEBIBYTE = 1 << 20
-HUGE = 1800 * MEBIBYTE
-MAGIC = b"\x89MCAP0\r\n"
 PEAK = f"""
 import resource, subprocess, sys
 done = subprocess.run([{ROS2!r}, "bag", *sys.argv[1:]], stdin=subprocess.DEVNULL)
@@ -34,37 +31,6 @@ def inspect(*arguments: str | Path) -> tuple[int, str]:
     *said, peak = done.stderr.splitlines()
     assert int(peak.split()[1]) < MOST, (peak, said)
     return done.returncode, "\n".join(said)
-
-
-def record(kind: int, content: bytes) -> bytes:
-    return bytes([kind]) + struct.pack("<Q", len(content)) + content
-
-
-def text(value: bytes) -> bytes:
-    return struct.pack("<I", len(value)) + value
-
-
-def chunk(compression: bytes, content: bytes, declared: int, start: int = 0, end: int = 10) -> bytes:
-    fields = struct.pack("<QQQI", start, end, declared, 0) + text(compression)
-    return record(0x06, fields + struct.pack("<Q", len(content)) + content)
-
-
-def zeros(size: int) -> bytes:
-    """Return zeros of that size as a frame of Zstandard that does not say its size, made piece by piece."""
-    compressor = zstd.ZstdCompressor()
-    pieces = [compressor.compress(bytes(MEBIBYTE)) for _ in range(size // MEBIBYTE)]
-    return b"".join([*pieces, compressor.flush()])
-
-
-def sized_frame(size: int) -> bytes:
-    """Return a whole frame of Zstandard that says its size; it is made of a magic, a header and empty blocks."""
-    return b"\x28\xb5\x2f\xfd\xe0" + struct.pack("<Q", size) + b"\x01\x00\x00"
-
-
-def write_mcap(path: Path, *records: bytes, footer: bool = True) -> Path:
-    end = record(0x02, bytes(20)) + MAGIC if footer else b""
-    path.write_bytes(MAGIC + record(0x01, text(b"ros2") + text(b"test")) + b"".join(records) + end)
-    return path
 
 
 @pytest.mark.parametrize("footer", [True, False])
@@ -107,14 +73,6 @@ def test_chunks_that_would_be_held_together_are_refused(tmp_path):
     status, said = inspect("info", tmp_path / "bomb.mcap")
     assert status == 1
     assert said.endswith("chunks that overlap in time declare more than 1024 MiB")
-
-
-def bomb(levels: int) -> str:
-    """Return YAML in which each of some lists has nine times the one before."""
-    lines = ["a0: &a0 [x, x, x, x, x, x, x, x, x]"]
-    for level in range(1, levels):
-        lines.append(f"a{level}: &a{level} [" + ", ".join([f"*a{level - 1}"] * 9) + "]")
-    return "\n".join(lines) + "\n"
 
 
 def test_metadata_with_aliases_or_without_end_is_refused(tmp_path):

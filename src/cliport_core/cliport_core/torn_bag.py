@@ -1,6 +1,6 @@
 """Messages of a storage file that lacks its end: a recorder was killed, a copy broke off, a disk was full.
 
-The module stands on no other module of this project, so that tools may take it alone.
+The module stands on the caps of `bag_limits` alone, so that tools may take it.
 """
 
 from __future__ import annotations
@@ -11,6 +11,8 @@ from contextlib import closing
 from io import BytesIO
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
+
+from cliport_core.bag_limits import TooMuchError, decompress_lz4, decompress_zstd
 
 _MAGIC = b"\x89MCAP0\r\n"
 _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _DATA_END = 0x03, 0x04, 0x05, 0x06, 0x0F  # kinds of records, mcap.dev/spec
@@ -45,12 +47,13 @@ def whole_messages(path: Path) -> Iterator[TornMessage]:
     Raises:
         OSError: when the file cannot be opened or read.
         ImportError: when the package is missing that decompresses it: backports.zstd or lz4.
+        TooMuchError: when a chunk declares more than it may.
     """
     with path.open("rb"):  # SQLite does not say why it cannot open a file
         pass
     try:
         yield from _sqlite3_messages(path) if path.suffix == ".db3" else _mcap_messages(path)
-    except (ImportError, OSError):
+    except (ImportError, OSError, TooMuchError):
         raise
     except Exception:  # what is torn may also be garbled, and then ends there
         return
@@ -93,17 +96,14 @@ def _records(stream: BinaryIO, size: int) -> Iterator[tuple[int, bytes]]:
 
 def _chunk_records(chunk: bytes) -> bytes:
     """Return the records that are there of a chunk that may be torn. Two times, a size and a checksum come first."""
+    size = int.from_bytes(chunk[16:24], "little")
     stream = BytesIO(chunk[28:])
     compression = stream.read(int.from_bytes(stream.read(4), "little"))
     records = stream.read()[8:]
     if compression == b"zstd":
-        from backports import zstd
-
-        return zstd.ZstdDecompressor().decompress(records)
+        return decompress_zstd(records, size)
     if compression == b"lz4":
-        from lz4.frame import LZ4FrameDecompressor
-
-        return bytes(LZ4FrameDecompressor().decompress(records))
+        return decompress_lz4(records, size)
     return records if compression == b"" else b""
 
 

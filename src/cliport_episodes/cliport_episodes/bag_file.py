@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Sequence
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,9 +17,10 @@ from rosbags.interfaces import (
     QosReliability,
     QosTime,
 )
-from rosbags.rosbag2 import CompressionFormat, CompressionMode, Reader, StoragePlugin, Writer
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 
 from cliport_core import topics
+from cliport_core.bag_library import open_reader
 from cliport_episodes.bags import one_line
 from cliport_episodes.disk import move, sync
 from cliport_episodes.errors import BagError
@@ -118,7 +120,7 @@ def describe(path: Path) -> BagFile:
         BagError: when the file is not complete.
     """
     try:
-        with Reader(path) as reader:
+        with closing(open_reader(path)) as reader:
             topics = []
             for each in reader.connections:
                 type_hash = types_of(each.msgtype, each.msgdef.data).hash_rihs01(each.msgtype)

@@ -9,14 +9,14 @@ from typing import Any
 import yaml
 from rosbags.rosbag2.metadata import dump_qos_v9
 
+from cliport_core.bag_limits import TooMuchError, load_yaml
 from cliport_episodes.bag_file import BagFile, BagTopic
 from cliport_episodes.disk import replace_text
 from cliport_episodes.errors import BagError, NoMetadataError
 
 FILE = "metadata.yaml"
 _INFORMATION = "rosbag2_bagfile_information"
-_LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # ten times as fast, where YAML was built with it
-_DUMPER = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
+_DUMPER = getattr(yaml, "CSafeDumper", yaml.SafeDumper)  # ten times as fast, where there is it
 
 
 def write_metadata(folder: Path, files: Sequence[BagFile], custom_data: Mapping[str, str]) -> None:
@@ -57,11 +57,13 @@ def read_custom_data(folder: Path) -> dict[str, str]:
         BagError: when it cannot be read as one.
     """
     try:
-        document = yaml.load((folder / FILE).read_text(encoding="utf-8"), _LOADER)
+        document = load_yaml(folder / FILE)
         custom_data = document[_INFORMATION]["custom_data"] or {}
         return {str(key): str(value) for key, value in custom_data.items()}
     except FileNotFoundError:
         raise NoMetadataError(f"{FILE} is missing") from None
+    except TooMuchError as error:
+        raise BagError(f"{FILE} is not read: {error}") from None
     except (OSError, yaml.YAMLError, UnicodeDecodeError, KeyError, TypeError, AttributeError) as error:
         raise BagError(f"{FILE} cannot be read ({type(error).__name__})") from None
 

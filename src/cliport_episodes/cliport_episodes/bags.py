@@ -9,6 +9,8 @@ from pathlib import Path
 
 from rosbags.rosbag2 import Reader
 
+from cliport_core.bag_library import open_reader
+from cliport_core.bag_limits import TooMuchError
 from cliport_core.torn_bag import whole_messages
 from cliport_episodes.errors import BagError
 from cliport_episodes.message_types import decode
@@ -29,13 +31,14 @@ def read_messages(
     are yielded, and `complain` is called with one line about it. topics: only these; None: all.
 
     Raises:
-        BagError: when there is no bag, or nothing in it can be read.
+        BagError: when there is no bag, nothing in it can be read, or it declares more than it may.
     """
     if not path.exists():
         raise BagError(f"there is no bag '{path}'")
     try:
-        reader = Reader(path)
-        reader.open()
+        reader = open_reader(path)
+    except TooMuchError as error:
+        raise BagError(f"'{path}' is not read: {error}") from None
     except Exception as error:  # the library does not say what a damaged file may raise
         yield from _read_torn(path, topics, complain, one_line(error))
         return
@@ -97,13 +100,14 @@ def _whole_messages_of(file: Path, complain: Callable[[str], None]) -> Iterator[
     try:
         if file.suffix == ".db3":  # the library would miss the write-ahead log that a killed recorder left beside it
             raise BagError(f"'{file.name}' may not be complete")
-        reader = Reader(file)
-        reader.open()
+        reader = open_reader(file)
+    except TooMuchError as error:
+        raise BagError(f"'{file}' is not read: {error}") from None
     except Exception:  # as above
         try:
             for topic, stamp_ns, data in whole_messages(file):
                 yield RawMessage(topic.name, topic.type, data, stamp_ns, topic.definition)
-        except (OSError, ImportError) as error:
+        except (OSError, ImportError, TooMuchError) as error:
             raise BagError(f"'{file}' cannot be read: {one_line(error)}") from None
         return
     try:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from rosbags.rosbag2 import Reader
+from contextlib import closing
 
+from cliport_core.bag_library import open_reader
 from cliport_core.errors import CoreError
 from cliport_episodes.bags import one_line
 from cliport_episodes.capture_setup import CaptureSetup
@@ -32,7 +33,7 @@ def check_episode(episode: Episode, setup: CaptureSetup) -> list[str]:
 def _bag_complaints(episode: Episode) -> list[str]:
     """Return the defects that any other reader of rosbag2 would find."""
     try:
-        with Reader(episode.path) as reader:
+        with closing(open_reader(episode.path)) as reader:
             times = [time for _, time, _ in reader.messages()]
             if len(times) != reader.message_count:
                 return [f"it holds {len(times)} messages and says {reader.message_count}"]

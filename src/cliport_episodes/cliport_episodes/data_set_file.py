@@ -6,6 +6,7 @@ from pathlib import Path
 
 import yaml
 
+from cliport_core.bag_limits import TooMuchError, load_yaml
 from cliport_episodes.capture_setup import CaptureSetup
 from cliport_episodes.disk import disk_errors, replace_text, sync
 from cliport_episodes.episode_folder import EPISODES, read_own_setup
@@ -31,7 +32,7 @@ def read_setup(data_set: Path) -> CaptureSetup:
         DataSetError: when the folder is no data set, or one of a later format.
     """
     try:
-        values = yaml.safe_load((data_set / FILE).read_text(encoding="utf-8"))
+        values = load_yaml(data_set / FILE)
         if values["format"] != FORMAT:
             raise DataSetError(
                 f"data set '{data_set}' has format {values['format']}, and {FORMAT} is known here: update this software"
@@ -39,7 +40,7 @@ def read_setup(data_set: Path) -> CaptureSetup:
         return CaptureSetup.from_dict(values)
     except (FileNotFoundError, NotADirectoryError):
         raise DataSetError(f"'{data_set}' is no data set: it has no {FILE}") from None
-    except (OSError, yaml.YAMLError, UnicodeDecodeError, TypeError, KeyError, SetupError) as error:
+    except (OSError, TooMuchError, yaml.YAMLError, UnicodeDecodeError, TypeError, KeyError, SetupError) as error:
         reason = " ".join(str(error).split())
         raise DataSetError(f"'{data_set / FILE}' does not describe a data set: {reason}") from None
 

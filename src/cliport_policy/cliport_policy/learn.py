@@ -1,14 +1,16 @@
 """`ros2 run cliport_policy learn --from-bags DIR --out DIR`: from recorded episodes to a better policy, in one command.
 
 Every fifth episode or so is held out. The others become a training set, the policy is trained on it, and both, the one
-that it began with and the new one, are asked about the steps that were held out. Run again, it goes on; with more
-episodes, or ones that were edited since, it begins anew beside what was learned before.
+that it began with and the new one, are asked about the steps that were held out. Stopped, it asks what it has by then.
+Run again, it goes on; with more episodes, or ones edited since, it begins anew beside what was learned before.
 """
 
 from __future__ import annotations
 
 import argparse
 import hashlib
+import json
+import math
 import signal
 import sys
 import time
@@ -23,8 +25,9 @@ from cliport_episodes.bag_metadata import FILE as METADATA
 from cliport_episodes.episode_folder import step_paths
 from cliport_episodes.errors import EpisodesError
 from cliport_policy import train
-from cliport_policy.checkpoint import load_card, write_json
+from cliport_policy.checkpoint import GENERAL_NAME, load_card, write_json
 from cliport_policy.comparison import NEAR_MM, summarize
+from cliport_policy.config import RECIPES
 from cliport_policy.data.demonstrations import load_demonstrations
 from cliport_policy.data.episode_folders import find_episodes
 from cliport_policy.data.from_bags import Selection, make_data_set
@@ -32,11 +35,14 @@ from cliport_policy.errors import DataError, PolicyError
 from cliport_policy.offline import OfflineRun
 from cliport_policy.policy import load_policy
 from cliport_policy.training.initial import load_initial, primitive_of
+from cliport_policy.training.pace import MOST_STEPS, length_words, measured_pace, steps_within
 
 REPORT_NAME = "learned.json"
 FROM_NOTHING, AUTO = "none", "auto"  # in place of a checkpoint to begin with
 _HELD_OUT = 5  # of so many episodes one is held out
 _LEAST = 4  # episodes; of fewer none is held out
+_MINUTES = 30.0  # that a training from nothing takes, unless it is told
+STOPPED = 130  # exit status, as after Ctrl-C
 _SHOWN = (
     (f"both_within_{NEAR_MM:.0f}_mm", f"pick and place within {NEAR_MM:.0f} mm", lambda value: f"{100 * value:.0f} %"),
     ("pick_mm", "pick, median", lambda value: f"{value['median']:.0f} mm"),
@@ -78,7 +84,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     args = _parser().parse_args(argv)
     started = time.monotonic()
     try:
-        lesson = Lesson.of(find_episodes(args.from_bags), args.out, (args.init, str(args.old), str(args.with_failed)))
+        how = (args.init, str(args.old), str(args.with_failed), *([] if args.minutes is None else [str(args.minutes)]))
+        lesson = Lesson.of(find_episodes(args.from_bags), args.out, how)
         print(
             f"{len(lesson.learned)} episodes to learn from, {len(lesson.held_out)} held out; {lesson.folder}",
             flush=True,
@@ -89,12 +96,13 @@ def main(argv: Sequence[str] | None = None) -> int:
         if status := train.main(_training(lesson, args, init)):
             return status
         signal.signal(signal.SIGINT, signal.default_int_handler)  # which training took for itself
-        if not _is_whole(lesson.folder / "training"):
-            print("error: stopped before its end; the same command goes on", file=sys.stderr)
-            return 130
+        done, steps = _steps(lesson.folder / "training")
+        if not done:
+            raise KeyboardInterrupt
+        print("the policy is asked about what was held out", flush=True)
         after = _compared(str(lesson.folder / "training"), lesson.held_out)
         minutes = round((time.monotonic() - started) / 60, 1)
-        report = _report(lesson, init, before, after, minutes)
+        report = {**_report(lesson, init, before, after, minutes), "steps_done": done, "steps": steps}
         for path in (lesson.folder / REPORT_NAME, *([args.report] if args.report else [])):
             write_json(path, report)
     except (PolicyError, CoreError, EpisodesError) as error:
@@ -102,11 +110,14 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 1
     except KeyboardInterrupt:
         print("error: interrupted; the same command goes on", file=sys.stderr)
-        return 130
+        return STOPPED
     print(_table(before, after, len(lesson.held_out)))
     print(
         f"after {minutes:g} min: ros2 run cliport_policy server --ros-args -p checkpoint:={lesson.folder / 'training'}"
     )
+    if done < steps:
+        print(f"error: stopped after {done} of {steps} steps; the same command goes on", file=sys.stderr)
+        return STOPPED
     return 0
 
 
@@ -120,16 +131,25 @@ def _make_data(lesson: Lesson, args: argparse.Namespace) -> None:
 
 
 def _beginning(init: str, data: Path) -> str | None:
-    """Return the checkpoint to begin with, None for none: `default`, unless that knows another primitive."""
+    """Return the checkpoint to begin with, None for none.
+
+    Of the shipped ones the first that can act as demonstrated: `default` only picks and places, the other one chooses.
+    """
     if init != AUTO:
         return None if init == FROM_NOTHING else init
-    known = load_initial("default")
-    try:
-        primitive_of([load_demonstrations(data)], known.card.network, known)
-    except DataError as reason:
-        print(f"it begins from nothing: {reason}", flush=True)
-        return None
-    return "default"
+    shown = load_demonstrations(data)
+    for name in ("default", GENERAL_NAME):
+        known = load_initial(name)
+        try:
+            known.check_workspace(shown.workspace)
+            primitive_of([shown], known.card.network, known)
+        except DataError as reason:
+            print(f"{name} is not what it begins with: {reason}", flush=True)
+        else:
+            print(f"it begins with {name}", flush=True)
+            return name
+    print("it begins from nothing", flush=True)
+    return None
 
 
 def _training(lesson: Lesson, args: argparse.Namespace, init: str | None) -> list[str]:
@@ -139,13 +159,32 @@ def _training(lesson: Lesson, args: argparse.Namespace, init: str | None) -> lis
     words += ["--out", str(lesson.folder / "training")]
     if init is not None:
         words += ["--init", init]
-    return words + args.train_options.split()
+    return words + _length(lesson, args, words, init) + args.train_options.split()
 
 
-def _is_whole(training: Path) -> bool:
-    """Return True if a training reached its last step."""
+def _length(lesson: Lesson, args: argparse.Namespace, words: list[str], init: str | None) -> list[str]:
+    """Return the arguments for a training's length: the recipe's, or what fits into the minutes by this machine's pace.
+
+    The length is kept in the lesson's folder, so that the same command goes on with it.
+    """
+    options = args.train_options.split()
+    if "--steps" in options or (init is not None and args.minutes is None):
+        return []
+    recipe, file = RECIPES["ours" if init is None else "fine_tune"], lesson.folder / "length.json"
+    if not file.is_file():
+        print("the pace of this machine is measured", flush=True)
+        pace = measured_pace([*words, *options], lesson.folder / "pace")
+        minutes = _MINUTES if args.minutes is None else args.minutes
+        write_json(file, {"steps": steps_within(minutes, pace, MOST_STEPS), "pace": pace})
+    steps = int(json.loads(file.read_text(encoding="utf-8"))["steps"])
+    print(f"it takes {steps} steps", flush=True)
+    return length_words(steps, recipe)
+
+
+def _steps(training: Path) -> tuple[int, int]:
+    """Return how many steps of a training are done, and of how many."""
     made_by = load_card(training / "policy.safetensors").made_by
-    return bool(made_by["steps_done"] >= made_by["train"]["steps"])
+    return int(made_by["steps_done"]), int(made_by["train"]["steps"])
 
 
 def _compared(checkpoint: str, episodes: Sequence[Path]) -> dict[str, Any] | None:
@@ -190,6 +229,13 @@ def _rows(before: dict[str, Any] | None, after: dict[str, Any] | None) -> list[t
     return [(words, words_of(before, name, shown), words_of(after, name, shown)) for name, words, shown in _SHOWN]
 
 
+def _minutes(text: str) -> float:
+    value = float(text)
+    if not 0 < value < math.inf:
+        raise argparse.ArgumentTypeError(f"{text} is no number of minutes")
+    return value
+
+
 def _number(name: str) -> int:
     return int.from_bytes(hashlib.sha256(name.encode()).digest()[:4])
 
@@ -203,10 +249,16 @@ def _parser() -> argparse.ArgumentParser:
         "--init",
         default=AUTO,
         metavar="CHECKPOINT",
-        help="to begin with; none: from nothing; auto: `default`, if it can",
+        help=f"to begin with; none: from nothing; auto: `default`, or {GENERAL_NAME}, if it can",
     )
     add("--old", type=Path, metavar="DIR", help="training set of what it knows already, so that it is not forgotten")
     add("--with-failed", action="store_true", help="use what is marked as a failure, too")
+    add(
+        "--minutes",
+        type=_minutes,
+        metavar="N",
+        help="for training, by this machine's pace",
+    )
     add("--report", type=Path, metavar="FILE", help=f"write what {REPORT_NAME} says there, too")
     add("--train-options", default="", metavar="WORDS", help='more for train, as in "--steps 400"')
     return parser

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from contextlib import closing
 from pathlib import Path
 
 import rclpy
@@ -44,10 +45,10 @@ def bag_heightmaps(folder: Path, number: int) -> tuple[Heightmap, Heightmap]:
     Raises:
         DataError: if the bag has none of that number.
     """
-    from rosbags.rosbag2 import Reader
+    from cliport_core.bag_library import open_reader
 
     try:
-        with Reader(folder) as bag:
+        with closing(open_reader(folder)) as bag:
             connections = [c for c in bag.connections if c.topic == topics.HEIGHTMAP]
             raw = [data for _, _, data in bag.messages(connections)] if connections else []
     except Exception as error:  # whatever rosbags says of a folder that is no bag

@@ -47,7 +47,7 @@ def main(argv: list[str] | None = None) -> int:
         print(f"error: {error}", file=sys.stderr)
         return 1
     servers: list[WebServer] = []
-    lessons = LessonProcess(options.learned or root.parent / "learned")
+    lessons = LessonProcess(options.learned or root.parent / "learned", options.old)
 
     def make_node(fail: Callable[[BaseException], None]) -> RosLink:
         link = RosLink()
@@ -76,6 +76,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--port", type=int, default=8080, help="0 takes a free one")
     parser.add_argument("--data-sets", type=Path, default=Path("demonstrations"), help="folder of the data sets")
     parser.add_argument("--learned", type=Path, help="folder for policies that learn (default: learned, beside)")
+    parser.add_argument("--old", type=Path, help="training set of what the policies know, not to be forgotten")
     parser.add_argument("--calibration", type=Path, default=Path("calibration/camera.yaml"), help="written by Camera")
     parser.add_argument("--token", help=argparse.SUPPRESS)
     parser.add_argument("--token-file", type=Path, help="holds what a browser must show once; made where there is none")

@@ -15,6 +15,7 @@ from demo_tool.motion import Motion
 from demo_tool.plan_approval import PlanApproval
 from demo_tool.ports import Arm, Policy
 from demo_tool.proposing import Proposals
+from demo_tool.reach_check import ReachCheck, plan_shown, plan_words
 from demo_tool.recording import Recorder
 from demo_tool.recovery import Recovery
 from demo_tool.station_config import StationConfig
@@ -26,7 +27,6 @@ from demo_tool.work import Job
 T = TypeVar("T")
 _CLOSE_SPARE = 1.0  # beyond what a cancel may take [s]
 _CLOSED = "the station was closed"
-_NOT_FOUND_OUT = (Outcome.CANCELLED, Outcome.EXECUTION_FAILED)  # of a plan: nothing is known about the action
 
 
 class ArmWork:
@@ -57,6 +57,7 @@ class ArmWork:
         self.approval = PlanApproval(arm, bulletin, config.answer_timeout, lambda: self._motion)
         self.proposals = Proposals(policy, config, bulletin)
         self.recovery = Recovery(arm, config, bulletin, hooks)
+        self.reach = ReachCheck(arm, config.reach_delay, hooks, bulletin, self._show_plan)
         self.stopped = False
         self.stop_failure = ""  # why the arm may move although it was stopped
         self.plan: dict[str, object] | None = None
@@ -126,7 +127,7 @@ class ArmWork:
         with self._bulletin.lock:
             self.refuse_when_busy()
             self._refuse_when_arm_is_taken()
-            self.recovery.begin(self._clock())
+            self.reach.give_way(lambda: self.recovery.begin(self._clock()), self._clock())
 
     def record(self, drawn: DrawnAction, instruction: str) -> str:
         """Record the step without moving the arm; return a sentence for the page."""
@@ -255,21 +256,22 @@ class ArmWork:
             if self.stopped:
                 motion.abandon("stopped before anything moved")
             else:
-                motion.begin(self._clock())
+                self.reach.give_way(lambda: motion.begin(self._clock()), self._clock())
 
     def _on_planned(self, result: ActionResult) -> None:
         with self._bulletin.lock:
             self._motion = None
-            reachable = result.outcome is Outcome.PLANNED
-            words = result.message or outcome_words(result.outcome)
-            if result.outcome in _NOT_FOUND_OUT:
+            self.plan, words = plan_shown(result), plan_words(result)
+            if self.plan is None:
                 self._bulletin.fail(f"it was not found out whether the arm can do this: {words}")
-                return
-            self.plan = {"reachable": reachable, "words": words}
-            if reachable:
+            elif self.plan["reachable"]:
                 self._bulletin.say(f"the arm can do this: {words}")
             else:
                 self._bulletin.fail(f"the arm cannot do this: {words}")
+
+    def _show_plan(self, plan: dict[str, object]) -> None:
+        self.plan = plan
+        self._bulletin.touch()
 
     def _on_moved(self, motion: Motion, drawn: DrawnAction, result: ActionResult) -> None:
         words = outcome_words(result.outcome) + (f": {result.message}" if result.message else "")

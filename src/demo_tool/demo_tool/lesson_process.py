@@ -21,22 +21,23 @@ _PATIENCE = 20.0  # in which a stopped training is saved [s]
 class LessonProcess:
     """One lesson at a time; a stopped one goes on where it was when it is begun again.
 
-    folder: for what is learned, in a folder for each data set; command: what learns, with the options of
-    `ros2 run cliport_policy learn`.
+    folder: for what is learned, in a folder for each data set; old: a training set of what the policy knows already, so
+    that it is not forgotten; command: what learns, with the options of `ros2 run cliport_policy learn`.
     """
 
-    def __init__(self, folder: Path, command: Sequence[str] = LEARN) -> None:
-        self._folder, self._command = folder, command
+    def __init__(self, folder: Path, old: Path | None = None, command: Sequence[str] = LEARN) -> None:
+        self._folder, self._old, self._command = folder, old, command
         self._process = LineProcess("learning", _PATIENCE)
 
-    def begin(self, data_set: Path, on_line: OnLine, on_end: OnLessonEnd) -> None:
-        """Learn from the episodes of a data set's folder; on_line and on_end are called in another thread.
+    def begin(self, data_set: Path, options: Sequence[str], on_line: OnLine, on_end: OnLessonEnd) -> None:
+        """Learn from the episodes of a data set's folder with options; on_line and on_end are called in another thread.
 
         Raises:
             NotNowError: when the process cannot be started.
         """
         report = Path(tempfile.mkdtemp(prefix="lesson-")) / "report.json"
         words = ["--from-bags", str(data_set), "--out", str(self._folder / data_set.name), "--report", str(report)]
+        words += [*options, *([] if self._old is None else ["--old", str(self._old)])]
 
         def end(status: int) -> None:
             try:

@@ -44,7 +44,10 @@ class Motion:
         return self._plan_id if is_waiting else ""
 
     def begin(self, now: float) -> None:
-        """Send the goal to the arm."""
+        """Send the goal to the arm, unless it was cancelled before."""
+        if self._cancelled_at is not None:
+            self.abandon("stopped before anything moved")
+            return
         self._deadline = now + self._config.answer_timeout
         self._arm.send(self.goal, self._on_phase, self._end)
 

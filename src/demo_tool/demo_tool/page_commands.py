@@ -4,20 +4,21 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Any
 
 from cliport_episodes.edits import verdict_words
+from demo_tool.activity import Activity
 from demo_tool.arguments import box_of, instruction_of, number_of, pixel_of, primitive_of, text_of, verdict_of
 from demo_tool.arm_work import ArmWork
 from demo_tool.camera_watch import BEFORE_REST, CameraWatch
 from demo_tool.draft_desk import DraftDesk, DrawnAction
-from demo_tool.errors import CommandError, NotNowError
+from demo_tool.errors import CommandError, DemoToolError, NotNowError
 from demo_tool.library import Library
 from demo_tool.live_view import LiveView
 from demo_tool.recording import Recorder
 from demo_tool.station_config import StationConfig
-from demo_tool.steps import setup_of
+from demo_tool.steps import goal_of, setup_of
 
 Answer = dict[str, Any]
 Arguments = Mapping[str, Any]
@@ -89,6 +90,15 @@ class PageCommands:
             "propose": self._propose,
             "correct": self._correct,
         }
+
+    def check_reach(self) -> None:
+        """Have the arm asked whether it can do what is drawn, once that was left alone; to be called often."""
+        work, draft = self._work, self._desk.draft
+        may_ask = draft.pick is not None and draft.place is not None and work.plan is None and not work.stopped
+        may_ask = may_ask and work.activity is Activity.NONE and work.reach.is_free and self._problem() is None
+        if work.reach.look((draft, self._desk.primitive) if may_ask else None, self._clock()):
+            with suppress(DemoToolError):  # an end without a target is said beside it
+                work.reach.ask(goal_of(self._drawn_action({}), self.instruction, plan_only=True))
 
     def _stop(self, _: Arguments) -> Answer:
         ok, words = self._work.stop("stopped on the page")

@@ -39,6 +39,12 @@ class Arm(Protocol):
     def cancel(self) -> None:
         """Cancel the present goal, if there is one."""
 
+    def check(self, goal: ActionGoal, on_end: OnEnd) -> None:
+        """Plan a goal without moving, beside `send`; only where nothing else is asked of the arm."""
+
+    def cancel_check(self) -> None:
+        """Cancel the check, if there is one."""
+
     def approve(self, plan_id: str, on_answer: OnAnswer) -> None:
         """Approve the plan of that id, and no other; on_answer: told what the executor says to that."""
 
@@ -71,8 +77,8 @@ class Scenes(Protocol):
 class Lessons(Protocol):
     """Interface of what learns from episodes. Only `close` waits; the callbacks come from another thread."""
 
-    def begin(self, data_set: Path, on_line: OnLine, on_end: OnLessonEnd) -> None:
-        """Learn from the episodes of a data set's folder. Raises NotNowError where that cannot begin."""
+    def begin(self, data_set: Path, options: Sequence[str], on_line: OnLine, on_end: OnLessonEnd) -> None:
+        """Learn from the episodes of a data set's folder with options of `learn`. Raises NotNowError."""
 
     def stop(self) -> None:
         """Save what is learned and end; begun again, it goes on."""

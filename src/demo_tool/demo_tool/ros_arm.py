@@ -55,6 +55,7 @@ class RosArm:
         self._beat: float | None = None
         self._fault: str | None = "the executor has not been looked for yet"
         self._goal: _Goal | None = None
+        self._check: _Goal | None = None
         self._sent_stops: list[_SentStop] = []
 
     def fault(self) -> str | None:
@@ -85,6 +86,14 @@ class RosArm:
         """Cancel the present goal, now or once it is accepted."""
         self._post(self._cancel)
 
+    def check(self, goal: ActionGoal, on_end: OnEnd) -> None:
+        """Have the executor plan a goal, beside `send`."""
+        self._post(lambda: self._send_check(_Goal(lambda *_: None, on_end), goal))
+
+    def cancel_check(self) -> None:
+        """Cancel the check, now or once it is accepted."""
+        self._post(lambda: self._check.cancel() if self._check is not None else None)
+
     def approve(self, plan_id: str, on_answer: OnAnswer) -> None:
         """Approve the plan of that id, and no other; on_answer: told in the node's thread what the executor says."""
         self._post(lambda: self._requests.approve(plan_id, on_answer))
@@ -110,6 +119,13 @@ class RosArm:
 
     def _send(self, mine: _Goal, goal: ActionGoal) -> None:
         self._goal = mine
+        self._hand_on(mine, goal)
+
+    def _send_check(self, mine: _Goal, goal: ActionGoal) -> None:
+        self._check = mine
+        self._hand_on(mine, goal)
+
+    def _hand_on(self, mine: _Goal, goal: ActionGoal) -> None:
         sent = self._action.send_goal_async(
             goal_to_msg(replace(goal, owner=self._owner), self._base_frame),
             feedback_callback=lambda message: mine.on_feedback(message.feedback),

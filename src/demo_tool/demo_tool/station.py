@@ -161,6 +161,7 @@ class Station:
         with self._bulletin.lock:
             self._now_ns = now_ns
             self._work.tick()
+            self._page.check_reach()
             wall = self._clock()
             problem = self._watch.problem(now_ns, wall)
             due = wall - self._judged_at >= _JUDGE_PERIOD

@@ -43,7 +43,8 @@ class StationConfig:
     answer_timeout: until a goal is accepted; goal_timeout: until it ends; cancel_timeout: until a cancel is confirmed;
     proposal_timeout: until the policy has answered; min_free: least free space on the disk for a step [bytes];
     crop: edge of the policy's crop around its proposal [heightmap cells]; home: positions of the joints by name at
-    which the arm rests; home_tolerance: how far from it each joint may be [rad].
+    which the arm rests; home_tolerance: how far from it each joint may be [rad]; reach_delay: for which a drawing is
+    left alone before the arm is asked whether it can do it.
     """
 
     workspace: WorkspaceSpec = field(default_factory=WorkspaceSpec)
@@ -61,3 +62,4 @@ class StationConfig:
     crop: int = 32
     home: Mapping[str, float] = field(default_factory=lambda: ready_pose(load_preset()))
     home_tolerance: float = 0.05
+    reach_delay: float = 0.3

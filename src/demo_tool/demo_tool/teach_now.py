@@ -7,13 +7,17 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
+from demo_tool.arguments import number_of
 from demo_tool.bulletin import Bulletin
-from demo_tool.errors import NotNowError
+from demo_tool.errors import CommandError, NotNowError
 from demo_tool.ports import Lessons, Policy
 from demo_tool.recording import Recorder
 
 _TRAINED = re.compile(r"^\[[#-]+\] (\d+)/(\d+) ")  # how the progress of `train` begins
 _ERROR = "error: "
+BEGINNINGS = ("auto", "default", "multi-open-100", "none")  # what `learn --init` is offered
+_MOST_MINUTES = 24 * 60
+_STOPPED = 130  # exit status of a `learn` that was stopped
 
 
 @dataclass(frozen=True)
@@ -62,7 +66,8 @@ class TeachNow:
         """Let what is being learned be saved, and end it."""
         self._lessons.close()
 
-    def _teach(self, _: Mapping[str, Any]) -> dict[str, Any]:
+    def _teach(self, arguments: Mapping[str, Any]) -> dict[str, Any]:
+        options = _options(arguments)
         name, data_set = self._recorder.data_set_name, self._recorder.data_set
         if name is None or data_set is None:
             raise NotNowError("open a data set first: its episodes are what is learned")
@@ -76,7 +81,7 @@ class TeachNow:
             self._stopped, self._error = False, ""
             before, self.lesson = self.lesson, LessonState("running", name, "it begins")
             try:
-                self._lessons.begin(data_set.path, self._on_line, self._on_end)
+                self._lessons.begin(data_set.path, options, self._on_line, self._on_end)
             except NotNowError:
                 self.lesson = before
                 raise
@@ -113,9 +118,12 @@ class TeachNow:
 
     def _on_end(self, status: int, report: dict[str, Any] | None) -> None:
         name = self.lesson.data_set
-        learned = _learned(name, report) if status == 0 and report is not None else None
+        learned = _learned(name, report) if status in (0, _STOPPED) and report is not None else None
         with self._bulletin.lock:
-            if learned is not None:
+            if learned is not None and status == _STOPPED:
+                self.lesson = replace(learned, state="stopped", share=self.lesson.share)
+                self._bulletin.say("learning has stopped: what it has can be used, and begun again it goes on")
+            elif learned is not None:
                 self.lesson = learned
                 self._bulletin.say(f"the data set {name} is learned: look at it before and after, then use it")
             elif self._stopped:
@@ -127,11 +135,23 @@ class TeachNow:
                 self._bulletin.refuse(f"nothing was learned: {words}")
 
 
+def _options(arguments: Mapping[str, Any]) -> list[str]:
+    """Return the options of `learn` that the page's `minutes` (none: as long as it needs) and `init` mean."""
+    minutes, init = arguments.get("minutes"), arguments.get("init", BEGINNINGS[0])
+    if init not in BEGINNINGS:
+        raise CommandError(f"'init' must be {', '.join(BEGINNINGS)}")
+    if minutes is None:
+        return ["--init", init]
+    return ["--init", init, "--minutes", str(number_of(arguments, "minutes", 1, _MOST_MINUTES))]
+
+
 def _learned(data_set: str, report: dict[str, Any]) -> LessonState | None:
     """Return the lesson that a report of `learn` describes, None where it is none."""
     try:
         table = tuple((str(what), str(before), str(after)) for what, before, after in report["table"])
         words = f"{len(report['learned'])} episodes learned, {len(report['held_out'])} held out"
+        if (done := report.get("steps_done", 0)) < (steps := report.get("steps", 0)):
+            words += f"; stopped after {done} of {steps} steps; begun again, it goes on"
         return LessonState("learned", data_set, words, 1.0, table, str(report["policy"]))
     except (KeyError, TypeError, ValueError):
         return None

@@ -150,6 +150,10 @@ class FakeArm:
     recoveries: int = 0
     busy: bool = False
     goals: list[ActionGoal] = field(default_factory=list)
+    checks: list[ActionGoal] = field(default_factory=list)
+    holds_checks: bool = False
+    cancelled_checks: int = 0
+    end_check: Callable[..., None] = lambda: None
     stops: int = 0
     stopped: bool = False
     on_stop_failure: OnFailure = lambda words: None
@@ -173,6 +177,21 @@ class FakeArm:
             threading.Thread(target=self._play, args=(goal, on_phase, on_end), daemon=True).start()
         else:
             self._play(goal, on_phase, on_end)
+
+    def check(self, goal: ActionGoal, on_end: OnEnd) -> None:
+        """Answer at once, unless `holds_checks`: then `end_check` is kept for the test."""
+        self.checks.append(goal)
+
+        def end(outcome: Outcome = Outcome.PLANNED) -> None:
+            on_end(ActionResult(outcome, "a way was found" if outcome is Outcome.PLANNED else ""))
+
+        self.end_check = end
+        if not self.holds_checks:
+            end()
+
+    def cancel_check(self) -> None:
+        """Take note of it."""
+        self.cancelled_checks += 1
 
     def cancel(self) -> None:
         """End the present goal."""
@@ -289,10 +308,13 @@ class FakeLessons:
         self.data_sets: list[Path] = []
         self.stops, self.closed, self.fault = 0, False, ""
 
-    def begin(self, data_set: Path, on_line: Callable[[str], None], on_end: Callable[..., None]) -> None:
+    def begin(
+        self, data_set: Path, options: Sequence[str], on_line: Callable[[str], None], on_end: Callable[..., None]
+    ) -> None:
         if self.fault:
             raise NotNowError(self.fault)
         self.data_sets.append(data_set)
+        self.options = list(options)
         self.on_line, self.on_end = on_line, on_end
 
     def stop(self) -> None:

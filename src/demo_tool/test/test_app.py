@@ -113,6 +113,7 @@ def test_the_options_defaults() -> None:
         "port": 8080,
         "data_sets": Path("demonstrations"),
         "learned": None,
+        "old": None,
         "calibration": Path("calibration/camera.yaml"),
         "token": None,
         "token_file": None,

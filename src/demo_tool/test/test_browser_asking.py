@@ -78,6 +78,42 @@ def test_an_arm_that_stands_away_is_taken_back(person: Person) -> None:
     assert place.arm.recoveries == 2 and place.arm.stops
 
 
+def test_whether_the_arm_can_do_it_is_shown_beside_the_place(person: Person) -> None:
+    page = person.page
+    person.drag(person.box)
+    person.words("pick", "points")
+    assert page.locator("#overlay .reach").count() == 0
+    person.drag(person.goal)
+    page.locator("#overlay .reach.good").wait_for()
+    page.locator("#plan", has_text="Reachable").wait_for()
+    assert not person.place.arm.goals, "nothing moves"
+    person.page.focus(".end-drawing.place")
+    person.press("ArrowRight")
+    until(lambda: len(person.place.arm.checks) == 2, "asked anew")
+    page.locator("#overlay .reach.good").wait_for()
+    person.click("#clear")
+    page.locator("#overlay .reach").wait_for(state="detached")
+
+
+def test_the_policy_draws_each_step_and_one_key_accepts(person: Person) -> None:
+    page, place = person.page, person.place
+    page.locator("#prefill").check()
+    page.locator(".end.pick .end-words", has_text="the policy's position").wait_for()
+    page.locator("#overlay .reach.good").wait_for()
+    page.locator("#instruction").fill("put it on the blue one")
+    person.press("Escape")
+    person.press("e")
+    until(lambda: steps(place), "executed")
+    assert (steps(place)[0]["instruction"], steps(place)[0]["source"]) == ("put it on the blue one", "proposed")
+    page.reload()
+    assert page.locator("#prefill").is_checked(), "it is remembered"
+    page.locator(".end.pick .end-words", has_text="the policy's position").wait_for()
+    person.click("#clear")
+    person.draw_both()
+    until(lambda: place.station.view(None)["draft"]["source"] == "clicked", "own boxes stay")
+    page.locator("#prefill").uncheck()
+
+
 def strand(place: Workplace) -> None:
     """Let the arm stand away from its ready pose until it recovers."""
     place.arm.on_recovered = lambda: place.station.on_joints(HOME)

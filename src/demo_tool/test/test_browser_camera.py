@@ -12,6 +12,31 @@ MEAN_OF_PICTURE = """() => {
   return pixels.reduce((sum, value) => sum + value, 0) / pixels.length;
 }"""
 
+NOTE_ANNOUNCEMENTS = """() => {
+  const place = document.querySelector('#state-words');
+  window.announced = [];
+  new MutationObserver(() => window.announced.push(place.textContent)).observe(
+    place, { childList: true, characterData: true, subtree: true });
+}"""
+
+
+def test_a_silent_camera_is_announced_and_not_counted_aloud(person: Person) -> None:
+    page = person.page
+    page.evaluate(NOTE_ANNOUNCEMENTS)
+    person.place.dark.set()
+    try:
+        person.sees("stale")
+        for seconds in (2, 3, 4, 5):
+            page.locator("#state-age", has_text=f"{seconds} s old").wait_for()
+    finally:
+        person.place.dark.clear()
+    person.sees("ready")
+    assert page.locator("#state-age").text_content() == ""
+    assert page.locator("#state-age[aria-hidden=true]").count() == 1
+    announced = page.evaluate("() => window.announced")
+    assert len(announced) == len(set(announced)) <= 3, announced
+    assert not any(" s old" in words or " for " in words for words in announced)
+
 
 def test_the_camera_is_calibrated_beside_its_picture(person: Person) -> None:
     page, calibrations = person.page, person.place.calibrations

@@ -15,7 +15,7 @@ from demo_tool.lesson_process import LessonProcess
 LEARNS = """
 import json, sys
 given = dict(zip(sys.argv[1::2], sys.argv[2::2]))
-print("learning", given["--from-bags"], "into", given["--out"], flush=True)
+print("learning", given["--from-bags"], "into", given["--out"], given["--minutes"], given["--old"], flush=True)
 print()
 print("a warning", file=sys.stderr, flush=True)
 with open(given["--report"], "w") as file:
@@ -50,8 +50,8 @@ class Heard:
 
 
 def begun(script: str, tmp_path: Path) -> tuple[LessonProcess, Heard]:
-    process, heard = LessonProcess(tmp_path / "learned", (sys.executable, "-c", script)), Heard()
-    process.begin(tmp_path / "sets" / "mine", heard.on_line, heard.on_end)
+    process, heard = LessonProcess(tmp_path / "learned", tmp_path / "old", (sys.executable, "-c", script)), Heard()
+    process.begin(tmp_path / "sets" / "mine", ["--minutes", "7"], heard.on_line, heard.on_end)
     return process, heard
 
 
@@ -59,7 +59,7 @@ def test_lines_and_the_report_are_handed_on(tmp_path: Path, monkeypatch: pytest.
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     _, heard = begun(LEARNS, tmp_path)
     assert heard.ended.wait(60)
-    assert heard.lines == [f"learning {tmp_path}/sets/mine into {tmp_path}/learned/mine", "a warning"]
+    assert heard.lines == [f"learning {tmp_path}/sets/mine into {tmp_path}/learned/mine 7 {tmp_path}/old", "a warning"]
     assert heard.ends == [(0, {"policy": f"{tmp_path}/learned/mine"})]
     assert not list(tmp_path.glob("lesson-*")), "nothing is left behind"
 
@@ -93,5 +93,5 @@ def test_what_cannot_be_started_is_one_line(tmp_path: Path, monkeypatch: pytest.
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     monkeypatch.setenv("PATH", str(tmp_path))
     with pytest.raises(NotNowError, match="learning cannot be started: No such file or directory"):
-        LessonProcess(tmp_path).begin(tmp_path, lambda _: None, lambda *_: None)
+        LessonProcess(tmp_path).begin(tmp_path, [], lambda _: None, lambda *_: None)
     assert not list(tmp_path.glob("lesson-*"))

@@ -211,15 +211,25 @@ def test_a_picture_of_a_proposal_is_where_its_poses_are(bench) -> None:
         assert row == pytest.approx((top + bottom) / 2, abs=0.6) and col == pytest.approx((left + right) / 2, abs=0.6)
 
 
-def test_ages_are_announced_once_a_second(bench) -> None:
+def test_ages_are_sent_once_a_second_and_announced_once(bench) -> None:
     bench.see()
     bench.wait(0.01)
     before = bench.station.changed
-    changes = []
-    for _ in range(12):
+    changes, words, ages = [], [], []
+    for _ in range(60):
         bench.wait(0.1)
         changes.append(bench.station.changed - before)
-    assert changes == [0] * 9 + [1] * 3
+        ages.append(bench.view["camera"]["age_ms"])
+        if bench.view["words"] not in words:
+            words.append(bench.view["words"])
+    assert changes[:12] == [0] * 9 + [1] * 3 and changes[-1] in (5, 6)
+    assert ages[-1] - ages[0] == 5900
+    assert words == [
+        "Ready: open a data set to record in.",
+        "The picture is older than 1 s: is the camera running?",
+        "The camera sends no picture: is it running?",
+    ]
+    before = bench.station.changed - 1
     bench.see()
     assert bench.station.changed == before + 2, "it is fresh again"
 

@@ -164,13 +164,13 @@ def test_an_old_picture_is_not_acted_on(bench) -> None:
     bench.wait(0.9)
     assert bench.state == "ready"
     bench.wait(0.2)
-    assert bench.state == "stale" and "1.1 s old (at most 1 s)" in bench.view["words"]
+    assert bench.state == "stale" and "older than 1 s" in bench.view["words"]
     for command in ("preview", "execute", "record", "propose"):
-        assert "1.1 s old" in bench.refused(command)
+        assert "older than 1 s" in bench.refused(command)
     bench.wait(4.0)
-    assert "no picture for 5 s" in bench.view["words"]
+    assert "The camera sends no picture" in bench.view["words"]
     bench.see(age=2.0)
-    assert bench.state == "stale" and "2.0 s old" in bench.view["words"]
+    assert bench.state == "stale" and "older than 1 s" in bench.view["words"]
     bench.see(age=-5.0)
     assert "use_sim_time" in bench.view["words"]
     bench.see()

@@ -233,6 +233,20 @@ def test_a_step_goes_from_the_picture_through_the_executor_into_a_bag(rig: Rig) 
     assert sorted(joints) == [["panda_finger_joint1"], ["panda_joint1"]]  # from two publishers, both kept
 
 
+def test_a_check_that_is_asked_by_itself_gives_way_to_a_motion(rig: Rig) -> None:
+    rig.world.hold.clear()
+    before = len(rig.world.goals)
+    rig.draw()
+    rig.until(lambda _: len(rig.world.goals) > before)
+    assert rig.world.goals[-1].plan_only and rig.view["state"] == "ready"
+    rig.do("execute")
+    rig.until(lambda _: not rig.world.goals[-1].plan_only)
+    assert len(rig.world.goals) == before + 2
+    rig.world.hold.set()
+    rig.until(lambda view: view["state"] == "ready" and view["episode"] and view["episode"]["steps"])
+    rig.do("discard_episode")
+
+
 def test_stop_reaches_all_who_move(rig: Rig) -> None:
     rig.world.hold.clear()
     rig.draw()

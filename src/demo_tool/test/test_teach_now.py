@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pytest
+
 REPORT = {
     "learned": ["one", "two", "three"],
     "held_out": ["four"],
@@ -76,6 +78,37 @@ def test_a_stopped_lesson_can_go_on(bench) -> None:
     assert "nothing is being learned" in bench.refused("stop_teaching")
     bench.do("teach")
     assert len(lessons.data_sets) == 2 and lesson(bench)["state"] == "running"
+
+
+def test_what_a_stopped_lesson_has_can_be_used(bench) -> None:
+    lessons = taught(bench)
+    lessons.on_line("[######------------------] 50/200  locator 2.310")
+    bench.do("stop_teaching")
+    lessons.on_end(130, {**REPORT, "steps_done": 50, "steps": 200})
+    shown = lesson(bench)
+    assert (shown["state"], shown["share"], shown["table"]) == ("stopped", 0.25, REPORT["table"])
+    assert shown["words"].endswith("; stopped after 50 of 200 steps; begun again, it goes on")
+    assert bench.view["last"]["words"].startswith("learning has stopped: what it has can be used")
+    bench.do("use_learned")
+    assert bench.policy.loaded == [REPORT["policy"]]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "options"),
+    [
+        ({}, ["--init", "auto"]),
+        ({"minutes": None, "init": "none"}, ["--init", "none"]),
+        ({"minutes": 20, "init": "multi-open-100"}, ["--init", "multi-open-100", "--minutes", "20"]),
+    ],
+)
+def test_how_long_and_from_what_is_chosen(bench, arguments, options) -> None:
+    lessons = taught(bench)
+    lessons.on_end(1, None)
+    assert "'minutes' must be 1 to 1440" in bench.refused("teach", minutes=0)
+    assert "'minutes' must be a whole number" in bench.refused("teach", minutes="5; ls")
+    assert "'init' must be auto, default" in bench.refused("teach", init="/etc/passwd")
+    bench.do("teach", **arguments)
+    assert lessons.options == options
 
 
 def test_why_nothing_was_learned_is_one_line(bench) -> None:

@@ -6,7 +6,7 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from station_fakes import BLOCKS, FakeArm, FakeCalibrations, FakeLessons, FakePolicy, FakeTable
@@ -37,6 +37,7 @@ class Workplace:
     rule: AccessRule
     port: int = 0
     tls: TlsFiles | None = None
+    dark: threading.Event = field(default_factory=threading.Event)  # set: the camera sends nothing
     _server: WebServer | None = None
 
     @property
@@ -119,8 +120,10 @@ def _film(place: Workplace, ended: threading.Event) -> None:
     seen, view = None, None
     while not ended.wait(0.1):
         now = time.time_ns()
+        place.station.tick(now)
+        if place.dark.is_set():
+            continue
         if view is None or seen != list(place.table.blocks):
             seen, view = list(place.table.blocks), place.table.live_view(now)
         place.station.on_picture(now, lambda color=view.color: color)  # type: ignore[misc]
         place.station.on_camera(replace(view, stamp_ns=now, received_ns=now))
-        place.station.tick(now)

@@ -9,10 +9,12 @@ import { Episodes } from "./episodes.js";
 import { LivePicture } from "./live.js";
 import { button, buttons, byId, press, say, wordsOf } from "./page.js";
 import { Panel } from "./panel.js";
+import { Prefill } from "./prefill.js";
 import { setUpRecovery, showRecovery } from "./recovery.js";
 import { Stage } from "./stage.js";
 import { setUpShortcuts } from "./shortcuts.js";
 import { setUpStopping } from "./stopping.js";
+import { Zoom } from "./zoom.js";
 
 /** @import { Call, View } from "./protocol" */
 
@@ -46,7 +48,9 @@ const tell = (error) => panel.answer(false, wordsOf(error));
 /** @type {Call} */
 const call = (command, ...args) => connection.call(command, ...args);
 const stage = new Stage(byId("overlay", SVGSVGElement), (end, drawn) => call(end, drawn).catch(tell));
+new Zoom(byId("stage"), () => stage.cancel());
 const panel = new Panel(call, stage);
+const prefill = new Prefill(call, tell);
 const episodes = new Episodes(call);
 const calibration = new CalibrationCard(call, tell);
 const covered = new CoveredPlaces();
@@ -59,6 +63,15 @@ function showState({ state, words }) {
   say(byId("state-name"), `${sign} ${name}`);
   say(byId("state-words"), words.replace(SAID_TWICE, (_, first) => first.toUpperCase()));
   document.title = `${sign} ${name} – Demonstrate`;
+}
+
+/**
+ * How old the picture is, beside the words that are announced: a count that runs would be announced every second.
+ * @param {View} view
+ */
+function showAge({ state, camera }) {
+  const seconds = Math.round((camera.age_ms ?? 0) / 1000);
+  say(byId("state-age"), state === "stale" && Math.abs(1000 * seconds) < CLOCKS_APART_MS ? `The picture is ${seconds} s old.` : "");
 }
 
 /** @param {View} view */
@@ -80,6 +93,7 @@ function showConnection(open) {
 /** @param {View} view */
 function show(view) {
   showState(view);
+  showAge(view);
   showHolder(view);
   byId("stopped").hidden = view.state !== "stopped";
   button("resume").disabled = view.holder !== "me";
@@ -87,12 +101,15 @@ function show(view) {
   showRecovery(view, connection.open);
   byId("no-picture").hidden = view.camera.age_ms !== null;
   byId("stage").style.aspectRatio = `${view.camera.width || 16} / ${view.camera.height || 9}`;
+  byId("stage").style.setProperty("--aspect", String((view.camera.width || 16) / (view.camera.height || 9)));
   byId("stage").classList.toggle("empty", view.camera.age_ms === null);
   const name = view.data_set ? `Data set ${view.data_set}` : "No data set";
   say(byId("where"), view.episode ? `${name} · episode ${view.episode.name}` : name);
   stage.enabled = connection.open && view.holder === "me" && !BUSY.includes(view.state);
+  stage.reachable = view.plan && view.plan.reachable;
   stage.take(view.draft, view.camera, view.n_rotations);
   panel.show(view, connection.open);
+  prefill.show(view, connection.open);
   covered.show(view.covered, view.camera);
   episodes.show(view, connection.open);
   calibration.show(view, connection.open);
@@ -103,6 +120,7 @@ connection.addEventListener("open", () => showConnection(true));
 connection.addEventListener("lost", () => {
   showConnection(false);
   showState({ state: "connecting", words: "The connection to the server is lost." });
+  say(byId("state-age"), "");
   stage.enabled = false;
   panel.disable();
   approvalBar.disable();

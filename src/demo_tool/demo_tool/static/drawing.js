@@ -123,6 +123,20 @@ export function drawEnd(shown, letter, active, pixel) {
 }
 
 /**
+ * The sign at a box's corner that says whether the arm can do what is drawn.
+ * @param {Box} box
+ * @param {boolean} reachable
+ * @param {number} pixel
+ */
+export function drawReach([top, , , right], reachable, pixel) {
+  const radius = 11 * pixel;
+  const sign = reachable ? "M-5 0L-1.5 4L5 -4" : "M-4 -4L4 4M4 -4L-4 4";
+  const mark = make("g", { transform: `translate(${right} ${top})`, class: `reach ${reachable ? "good" : "bad"}` });
+  mark.append(make("circle", { r: radius }), make("path", { d: sign, transform: `scale(${pixel})` }));
+  return [mark];
+}
+
+/**
  * A box that is being drawn.
  * @param {Box} box
  * @param {string} letter

@@ -1,8 +1,8 @@
 // What is learned of the open data set: begin, stop, how far it is, what it brought, and its use.
 
-import { button, byId, element, one, say } from "./page.js";
+import { button, byId, element, input, one, say } from "./page.js";
 
-/** @import { Edit, Lesson, View } from "./protocol" */
+/** @import { Beginning, Edit, Lesson, View } from "./protocol" */
 
 /** @type {Record<Lesson["state"], string>} */
 const SIGNS = { none: "", running: "…", stopped: "■", failed: "✗", learned: "✓" };
@@ -12,7 +12,11 @@ export class LessonCard {
 
   /** @param {Edit} edit */
   constructor(edit) {
-    button("teach").addEventListener("click", () => edit("teach"));
+    const minutes = input("lesson-minutes"), init = byId("lesson-init", HTMLSelectElement);
+    button("teach").addEventListener("click", () => {
+      if (!minutes.reportValidity()) return;
+      edit("teach", { minutes: minutes.value === "" ? null : minutes.valueAsNumber, init: /** @type {Beginning} */ (init.value) });
+    });
     button("stop-teaching").addEventListener("click", () => edit("stop_teaching"));
     button("use-learned").addEventListener("click", () => edit("use_learned"));
   }
@@ -29,7 +33,8 @@ export class LessonCard {
     say(button("teach"), state === "stopped" && lesson.data_set === dataSet ? "Go on" : "Teach now");
     byId("stop-teaching").hidden = !running;
     button("stop-teaching").disabled = !mine;
-    byId("use-learned").hidden = state !== "learned";
+    input("lesson-minutes").disabled = byId("lesson-init", HTMLSelectElement).disabled = !mine || running;
+    byId("use-learned").hidden = lesson.policy === null;
     button("use-learned").disabled = !mine;
     const bar = byId("lesson-share", HTMLProgressElement);
     bar.hidden = !running;
@@ -37,7 +42,7 @@ export class LessonCard {
     else bar.value = share;
     byId("lesson-words").dataset.ok = String(state !== "failed");
     say(byId("lesson-words"), state === "none" ? "" : `${SIGNS[state]} ${lesson.data_set}: ${words}`);
-    say(byId("lesson-policy"), state === "learned" ? `Policy server: ${policy.words}` : "");
+    say(byId("lesson-policy"), lesson.policy ? `Policy server: ${policy.words}` : "");
     this.#compare(table);
   }
 

@@ -83,6 +83,9 @@ export interface PolicyView {
   proposal: Proposal | null;
 }
 
+/** What a lesson begins with; auto: the shipped policy that can act as demonstrated. */
+export type Beginning = "auto" | "default" | "multi-open-100" | "none";
+
 /** What is learned of a data set; share: of the training's steps; table: what is compared, before and after. */
 export interface Lesson {
   state: "none" | "running" | "stopped" | "failed" | "learned";
@@ -219,7 +222,8 @@ export interface Commands {
   end_episode: { success?: boolean | null };
   discard_episode: {};
   new_scene: {};
-  teach: {};
+  /** minutes: for training; null: as long as it needs. */
+  teach: { minutes: number | null, init: Beginning };
   stop_teaching: {};
   use_learned: {};
   calibrate: { board: string; move: boolean; first: string };

@@ -1,7 +1,7 @@
 // The picture as a drawing board: boxes and rotations by mouse, pen, finger or keys.
 
 import { DrawnEnds, ENDS } from "./draft.js";
-import { drawEnd, drawSketch } from "./drawing.js";
+import { drawEnd, drawReach, drawSketch } from "./drawing.js";
 import { boxBetween, boxMoved, isLargeEnough, rotationTowards } from "./geometry.js";
 import { boxDragged, cursorOver, heldAt, reachOf } from "./grips.js";
 import { ARROWS, firstBox, keyboardGroup, labelOf, stepOf } from "./keyboard.js";
@@ -33,6 +33,8 @@ export class Stage extends EventTarget {
   /** @type {EndName} */
   active = "pick";
   enabled = false;
+  /** @type {boolean | null} whether the arm can do what is drawn; null: not known */
+  reachable = null;
 
   /**
    * @param {SVGSVGElement} svg
@@ -118,6 +120,9 @@ export class Stage extends EventTarget {
       const shown = this.shown(end);
       const group = this.#groups[end];
       const parts = shown ? drawEnd(shown, LETTERS[end], end === this.active, this.#pixel()) : [];
+      if (shown?.judged && end === "place" && this.reachable !== null && !this.#sketch) {
+        parts.push(...drawReach(shown.box, this.reachable, this.#pixel()));
+      }
       if (this.#sketch?.end === end) parts.push(...drawSketch(this.#sketch.box, LETTERS[end], this.#pixel()));
       group.replaceChildren(...parts);
       group.setAttribute("aria-label", labelOf(end, this.#sketch?.end === end ? this.#sketch.box : null, shown, this.#rotations));

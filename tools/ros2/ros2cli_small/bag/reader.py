@@ -11,9 +11,8 @@ from typing import Any
 
 import yaml
 from rosbags.interfaces import Connection, ConnectionExtRosbag2, Qos
-from rosbags.rosbag2 import Reader
 
-from ros2cli_small.bag import limits
+from ros2cli_small.bag.limits import HostileBag, open_reader
 from ros2cli_small.bag.salvage import TornFile
 from ros2cli_small.errors import CommandError
 
@@ -76,17 +75,14 @@ class Bag:
 @contextmanager
 def open_bag(path: Path, storage: str | None = None) -> Iterator[Bag]:
     """Open a bag's folder, or one of its files; a torn one opens as far as it goes, with a warning."""
-    limits.guard_library()
     try:
-        for file in _storage_files(path):
-            limits.check_file(file)
         try:
             bag = _open_whole(path)
-        except limits.TooMuch:
+        except (HostileBag, CommandError):
             raise
         except Exception as error:  # as above
             bag = _open_torn(path, _line(error))
-    except (limits.TooMuch, OSError) as error:
+    except (HostileBag, OSError) as error:
         raise CommandError(f"Cannot read bag '{path}': {_line(error)}") from None
     try:
         if storage not in (None, bag.storage):
@@ -104,11 +100,8 @@ def warn(text: str) -> None:
 def _open_whole(path: Path) -> Bag:
     if path.is_dir() and not (path / "metadata.yaml").exists():
         raise FileNotFoundError("it has no metadata.yaml")
-    reader = Reader(path)
-    reader.open()
+    reader = open_reader(path)
     try:
-        for storage in getattr(reader.storage, "storages", [reader.storage]):
-            limits.check_overlap(getattr(storage, "chunks", ()))
         files = [path]
         if path.is_dir():
             metadata = yaml.safe_load((path / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
@@ -145,11 +138,8 @@ def _part(file: Path) -> Any:
     try:
         # Of SQLite's files the library would not see what a killed recorder left beside them.
         if file.suffix == ".mcap":
-            reader = Reader(file)
-            reader.open()
-            limits.check_overlap(getattr(reader.storage, "chunks", ()))
-            return reader
-    except limits.TooMuch:
+            return open_reader(file)
+    except HostileBag:
         raise
     except Exception:  # as above
         pass
