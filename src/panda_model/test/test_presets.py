@@ -43,6 +43,23 @@ def test_a_shipped_preset_is_an_arm(name: str) -> None:
     assert arm.arm_action.startswith("/") and arm.gripper_action.startswith("/")
 
 
+def test_a_gripper_offers_franka_msgs_where_the_preset_says_so(content: dict[str, Any], tmp_path: Path) -> None:
+    arm = load_preset("fr3")
+    assert (arm.grasp_action, arm.move_action) == ("/franka_gripper/grasp", "/franka_gripper/move")
+    assert (arm.homing_action, arm.gripper_stop) == ("/franka_gripper/homing", "/franka_gripper/stop")
+    assert arm.motion_actions == (
+        arm.arm_action, arm.gripper_action, arm.grasp_action, arm.move_action, arm.homing_action,
+    )  # fmt: skip
+    assert arm.with_gripper("") is arm and arm.with_gripper(arm.gripper_action) is arm
+    other = arm.with_gripper("/other")
+    assert (other.gripper_action, other.franka_gripper) == ("/other", "")
+    assert other.motion_actions == (arm.arm_action, "/other")
+    del content["franka_gripper"]  # a file from before it was known
+    path = tmp_path / "mine.yaml"
+    path.write_text(yaml.safe_dump(content))
+    assert load_preset(str(path)).franka_gripper == ""
+
+
 @pytest.mark.parametrize("name", preset_names())
 def test_no_array_can_be_changed(name: str) -> None:
     arm = load_preset(name)
