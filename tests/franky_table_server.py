@@ -3,8 +3,8 @@
     python tests/franky_table_server.py --block 0.45 0.1 --log ticks.bin
 
 It prints its address, then runs until it is killed. Each line on its standard input is a request: a fault's name
-(reflex, exception, user_stop, drop, cut, hand_gone), what ends one (clear, release, hand_back), `mark`, which is counted
-in the log, or `where`, which is answered by the block's pose.
+(reflex, exception, user_stop, drop, cut, hand_gone), what ends one (clear, release, hand_back), `mark`, which is
+counted in the log, or `where`, which is answered by the block's pose.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Faults of the arm at its own protocol: what the driver says, how the arm stops, and how one goes on.
 
-A franky-sim server whose modes after a fault are the real one's, the driver as a process, and a client. Each fault comes in
-mid-motion where that makes sense; the table goes to out/franky_faults.json.
+A franky-sim server whose modes after a fault are the real one's, the driver as a process, and a client. Each fault
+comes in mid-motion where that makes sense; the table goes to out/franky_faults.json.
 """
 
 from __future__ import annotations

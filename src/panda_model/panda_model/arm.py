@@ -13,6 +13,7 @@ class Description:
     """Paths of the URDF and the SRDF within a package; `prefix` begins the names in them.
 
     notice: what a user should know who has this description loaded, as the end of a sentence; empty for nothing.
+    own: "package:path" of a URDF that is the arm's own, where this one stands in for it; empty for none.
     """
 
     package: str
@@ -20,6 +21,7 @@ class Description:
     srdf: str
     prefix: str
     notice: str = ""
+    own: str = ""
 
 
 @dataclass(frozen=True, eq=False)

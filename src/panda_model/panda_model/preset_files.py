@@ -46,7 +46,7 @@ def _arm(name: str, content: dict[str, Any], path: Path) -> ArmModel:
     _check_keys(content, [*keys, "frames"], str(path))
     frames = _mapping(content, "frames", _FRAMES, path)
     limits = _mapping(content, "limits", [f.name for f in fields(JointLimits)], path, "slow_ends")
-    description = _mapping(content, "description", [f.name for f in fields(Description)], path)
+    description = _mapping(content, "description", [f.name for f in fields(Description)], path, "own")
     return ArmModel(
         name=name,
         prefix=str(frames["flange"]).removesuffix("link8"),  # the base may have a name of its own

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,7 @@ import yaml
 
 import panda_model
 from panda_model import ARM_DOF, PresetError, load_preset, preset_names
-from panda_model.description import load_description
+from panda_model.description import OWN, load_description
 from panda_model.errors import DescriptionError
 
 FOLDER = Path(panda_model.__file__).parent / "presets"
@@ -83,6 +84,27 @@ def test_a_stand_in_says_so() -> None:
     given = load_description(arm, own)
     assert (given.notice, given.prefix) == ("", "fr3_")
     assert "fr3_link5" in given.srdf and "panda_link5" not in given.srdf
+
+
+def test_meshes_of_a_users_urdf_lie_beside_it(tmp_path: Path) -> None:
+    arm = load_preset("fr3")
+    own = load_description(arm).urdf.replace('"panda_', '"fr3_')
+    path = tmp_path / "mine.urdf"
+    path.write_text(own.replace("package://example-robot-data/", "meshes/"))
+    meshes = load_description(arm, str(path)).urdf
+    assert f'filename="{tmp_path.resolve()}/meshes/' in meshes and 'filename="meshes/' not in meshes
+    path.write_text(own)
+    assert load_description(arm, str(path)).urdf == own  # what has a scheme, or a whole path, stays
+
+
+def test_an_arm_without_a_urdf_of_its_own_says_so() -> None:
+    with pytest.raises(DescriptionError, match="preset panda names no package with a URDF of its own"):
+        load_description(load_preset("panda"), OWN)
+
+    arm = load_preset("fr3")
+    other = replace(arm, description=replace(arm.description, own="no-such-package:fr3.urdf"))
+    with pytest.raises(DescriptionError, match="'no-such-package', which has the URDF of preset fr3, is not installed"):
+        load_description(other, OWN)
 
 
 def test_a_description_that_does_not_fit_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

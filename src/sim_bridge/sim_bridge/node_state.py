@@ -45,4 +45,5 @@ class StatePublisher:
             np.concatenate([state.efforts, np.zeros(2)]),
         )
         names = self._names[:ARM_DOF] if lost else self._names
-        self._joints.publish(joint_state_to_msg(names, *(row[: len(names)] for row in rows), time))
+        positions, velocities, efforts = (row[: len(names)] for row in rows)
+        self._joints.publish(joint_state_to_msg(names, positions, velocities, efforts, time))
