@@ -21,7 +21,7 @@ from ros2cli_small.bag.qos import profile_from_offers
 from ros2cli_small.discovery import PATIENCE, QUIET_TIME, Completion, GraphState, count_participants
 from ros2cli_small.errors import CommandError
 from ros2cli_small.interface_show import definition, find_definition
-from ros2cli_small.launch_file import LaunchDescription
+from ros2cli_small.launch_file import LaunchDescription, ProcessPlan
 from ros2cli_small.topic_hz import RateMeter
 from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 
@@ -243,15 +243,28 @@ def test_a_real_arms_launch_file_starts_its_driver_and_names_its_preset_everywhe
     nodes = {Path(process.command[0]).name: process for process in launch.processes}
     assert ("driver" in nodes) == drives
     if drives:
-        given = {
-            key: value for part in nodes["driver"].parameters if isinstance(part, dict) for key, value in part.items()
-        }
+        given = _own_parameters(nodes["driver"])
         assert (given["robot_ip"], given["arm"], given["realtime"]) == ("172.16.0.2", "fr3", True)
+        assert (given["gripper"], given["load_mass"], given["load_center"]) == (True, 0.0, [0.0, 0.0, 0.0])
+        assert (given["publish_clock"], given["use_sim_time"]) == (False, False)
     for name in ("perception", "executor", "guard", "server"):
         files = [part for part in nodes[name].parameters if isinstance(part, str)]
         assert [Path(file).name for file in files] == ["policy.yaml", "fr3.yaml"]
-    executor = {
-        key: value for part in nodes["executor"].parameters if isinstance(part, dict) for key, value in part.items()
-    }
-    assert executor["auto_approve"] is False
+    assert _own_parameters(nodes["executor"])["auto_approve"] is False
     assert any("/camera/camera/color/camera_info" in part for part in nodes["perception"].command)
+
+
+def test_a_simulated_arms_time_is_that_of_every_node_of_the_launch_file() -> None:
+    arguments = {"robot_ip": "127.0.0.1", "realtime": "false", "publish_clock": "true", "load_mass": "0.3"}
+    launch = LaunchDescription(arguments | {"gripper": "false", "load_center": "[0.0, 0.0, 0.05]"})
+    launch.load(BRINGUP / "launch/real.launch.yaml")
+    nodes = {Path(process.command[0]).name: _own_parameters(process) for process in launch.processes}
+    assert {name: given["use_sim_time"] for name, given in nodes.items()} == dict.fromkeys(nodes, True)
+    given = nodes["driver"]
+    assert (given["publish_clock"], given["realtime"], given["gripper"]) == (True, False, False)
+    assert (given["load_mass"], given["load_center"]) == (0.3, [0.0, 0.0, 0.05])
+
+
+def _own_parameters(process: ProcessPlan) -> dict[str, object]:
+    """Return the parameters that a launch file gives by value."""
+    return {key: value for part in process.parameters if isinstance(part, dict) for key, value in part.items()}

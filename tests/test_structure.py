@@ -34,7 +34,7 @@ INNER = {
     "task_mechanics": {"geometry", "objects", "everyday"},
     "tasks": {"geometry", "objects", "everyday", "task_mechanics"},
 }
-ROS = {"rclpy", "sensor_msgs", "std_msgs", "geometry_msgs", "cliport_interfaces", "control_msgs"}
+ROS = {"rclpy", "sensor_msgs", "std_msgs", "geometry_msgs", "cliport_interfaces", "control_msgs", "franka_msgs"}
 # Files that may know ROS, by how their names begin; every other module of these packages is core.
 ROS_FILES = (
     *("node", "conversions", "action_", "ros_", "main", "goal_session", "views", "executor_link"),

@@ -158,10 +158,10 @@ class FrankyHand:
         """Begin to move."""
         return FrankyHandMotion(self._franky, self._gripper.move_async(width, speed))
 
-    def grasp(self, width: float, speed: float, force: float) -> FrankyHandMotion:
-        """Begin to grasp, with epsilons as wide as the hand: the width of what is grasped is not known."""
-        wide = max(self.read().max_width, width)
-        return FrankyHandMotion(self._franky, self._gripper.grasp_async(width, speed, force, wide, wide))
+    def grasp(self, width: float, speed: float, force: float, epsilon: tuple[float, float] | None) -> FrankyHandMotion:
+        """Begin to grasp; without an epsilon with one as wide as the hand."""
+        inner, outer = epsilon or 2 * (max(self.read().max_width, width),)
+        return FrankyHandMotion(self._franky, self._gripper.grasp_async(width, speed, force, inner, outer))
 
     def home(self) -> FrankyHandMotion:
         """Begin the homing."""
@@ -212,8 +212,8 @@ def words_of(what: str, address: str, error: Exception) -> str:
 
 def lost_words(what: str, address: str, error: Exception) -> str:
     """Return one line for a connection that broke."""
-    text = _line(error)
-    return f"the {what} at {address} was lost ({text}): look at the cable and in Desk, then start the driver again"
+    remedy = "call ~/home_gripper" if what == "hand" else "start the driver again"
+    return f"the {what} at {address} was lost ({_line(error)}): look at the cable and in Desk, then {remedy}"
 
 
 def reflex_words(error: Exception) -> str:

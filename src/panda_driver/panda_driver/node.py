@@ -7,12 +7,9 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-import numpy as np
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.node import Node
-from rosgraph_msgs.msg import Clock as ClockMessage
-from sensor_msgs.msg import JointState
 from std_msgs.msg import Empty
 from std_srvs.srv import Trigger
 
@@ -20,26 +17,34 @@ from cliport_core import topics
 from cliport_core.errors import CoreError
 from cliport_core.ros_running import run_node
 from panda_driver.arm_loop import ArmLoop
-from panda_driver.errors import DriverError
+from panda_driver.connecting import connected_within
+from panda_driver.errors import DriverError, HandFaultError
 from panda_driver.franky_ports import FrankyArm, FrankyHand
 from panda_driver.hand import Hand
 from panda_driver.node_actions import ArmAction, HandAction
+from panda_driver.node_franka_hand import serve_franka_hand
 from panda_driver.node_parameters import DriverParameters, read_parameters
-from panda_driver.ports import ArmPort, ArmState, HandPort
+from panda_driver.node_states import StatePublisher
+from panda_driver.ports import ArmPort, HandPort
 from sim_bridge.control.arm_reflex import ArmControllerConfig
 from sim_bridge.control.heartbeat import HeartbeatWatchdog
-from sim_bridge.conversions import joint_state_to_msg, time_to_msg
 
 _RECOVERY_TIME = 10.0  # for the arm to clear its errors [s]
 
 Fail = Callable[[BaseException], None]
-Connect = Callable[[DriverParameters], tuple[ArmPort, HandPort | None]]
+ConnectHand = Callable[[], HandPort]
+Connect = Callable[[DriverParameters], tuple[ArmPort, ConnectHand | None]]
 
 
-def connect_franky(parameters: DriverParameters) -> tuple[ArmPort, HandPort | None]:
-    """Return the connected arm, and hand where one is wanted. Raises DriverError."""
-    arm = FrankyArm(parameters.address, parameters.settings)
-    return arm, FrankyHand(parameters.address) if parameters.with_hand else None
+def connect_franky(parameters: DriverParameters) -> tuple[ArmPort, ConnectHand | None]:
+    """Return the connected arm, and what connects the hand where one is wanted. Raises DriverError."""
+    address, timeout = parameters.address, parameters.connect_timeout
+    arm = connected_within(timeout, "arm", address, lambda: FrankyArm(address, parameters.settings))
+
+    def connect_hand() -> FrankyHand:
+        return connected_within(timeout, "hand", address, lambda: FrankyHand(address))
+
+    return arm, connect_hand if parameters.with_hand else None
 
 
 class DriverNode(Node):
@@ -52,19 +57,18 @@ class DriverNode(Node):
     def __init__(self, on_failure: Fail, connect: Connect = connect_franky, **options: Any) -> None:
         """Connect and begin to drive. on_failure: told, once, of what ended the driving."""
         super().__init__("panda_driver", **options)
-        self._settings = parameters = read_parameters(self)
+        parameters = read_parameters(self)
         robot = parameters.robot
-        arm, hand = connect(parameters)
-        self._states = self.create_publisher(JointState, topics.JOINT_STATES, 10)
-        self._arm_clock = self.create_publisher(ClockMessage, topics.CLOCK, 10) if parameters.publish_clock else None
-        self._published = 0.0
-        self._last_fault = ""
-        self.loop = ArmLoop(arm, ArmControllerConfig.for_arm(robot), self._on_state, on_failure)
-        self.hand = Hand(hand, robot.hand, on_failure) if hand is not None else None
+        arm, connect_hand = connect(parameters)
+        self.hand = Hand(connect_hand, robot.hand, self._on_hand_loss) if connect_hand is not None else None
+        rate, own_time = parameters.joint_state_rate, parameters.publish_clock
+        states = StatePublisher(self, robot, self.hand, rate, own_time)
+        self.loop = ArmLoop(arm, ArmControllerConfig.for_arm(robot), states.take, on_failure)
         self._arm_action = ArmAction(self, self.loop, robot.arm_action, robot.arm_joints)
         self.create_service(Trigger, "~/recover_errors", self._recover)
         if self.hand is not None:
-            self._hand_action = HandAction(self, self.hand, robot.gripper_action)
+            self._hand_actions = [HandAction(self, self.hand, robot.gripper_action)]
+            self._hand_actions += serve_franka_hand(self, self.hand, robot)
             self.create_service(Trigger, "~/home_gripper", self._home)
             self.hand.start_thread()
         self._watchdog = HeartbeatWatchdog(parameters.heartbeat_timeout)
@@ -79,26 +83,8 @@ class DriverNode(Node):
             self.hand.stop_thread()
         self.loop.stop_thread()
 
-    def _on_state(self, state: ArmState) -> None:
-        """Publish the joints; in the arm's thread."""
-        if state.fault and state.fault != self._last_fault:
-            self.get_logger().error(state.fault)
-        self._last_fault = state.fault
-        now = time.monotonic()
-        if now - self._published < 0.9 / self._settings.joint_state_rate:
-            return
-        self._published = now
-        stamp = self.get_clock().now().nanoseconds * 1e-9
-        if self._arm_clock is not None:
-            stamp = state.time
-            self._arm_clock.publish(ClockMessage(clock=time_to_msg(stamp)))
-        robot, rest = self._settings.robot, np.zeros(0)
-        names, positions = robot.arm_joints, state.positions
-        if self.hand is not None:
-            names, rest = robot.joints, np.zeros(len(robot.finger_joints))
-            positions = np.concatenate([positions, rest + self.hand.state.width / 2.0])
-        velocities, efforts = np.concatenate([state.velocities, rest]), np.concatenate([state.efforts, rest])
-        self._states.publish(joint_state_to_msg(names, positions, velocities, efforts, stamp))
+    def _on_hand_loss(self, words: str) -> None:
+        self.get_logger().error(f"{words}; the arm goes on without it")
 
     def _watch(self) -> None:
         """Stop the arm and the hand where the executor has fallen silent during a motion."""
@@ -115,8 +101,14 @@ class DriverNode(Node):
         return _answer(response, lambda: self.loop.recover(_RECOVERY_TIME), "the errors are cleared")
 
     def _home(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        return _answer(response, self._home_hand, "the hand knows its range")
+
+    def _home_hand(self) -> None:
+        """Home the hand; this node's thread waits for it, and would not see a heartbeat that ends meanwhile."""
+        if self.loop.moving:
+            raise HandFaultError("the arm is moving: wait until it stands still")
         assert self.hand is not None
-        return _answer(response, self.hand.home, "the hand knows its range")
+        self.hand.home()
 
 
 def _answer(response: Trigger.Response, do: Callable[[], None], words: str) -> Trigger.Response:

@@ -22,6 +22,7 @@ from panda_driver.errors import HandGoalError
 from panda_driver.hand import Hand
 from sim_bridge import conversions
 from sim_bridge.control.goal_status import GoalStatus
+from sim_bridge.control.gripper_controller import GripperGoal, GripperResult
 from sim_bridge.control.joint_trajectory_controller import GoalRejectedError, TrajectoryExecution
 from sim_bridge.control.trajectory_goal import ErrorCode, TrajectoryGoal
 
@@ -99,11 +100,13 @@ class ArmAction:
 class HandAction:
     """GripperCommand in front of the hand."""
 
+    kind: Any = GripperCommand
+
     def __init__(self, node: Node, hand: Hand, name: str) -> None:
         self._node, self._hand, self._name = node, hand, name
         self._server = ThreadedActionServer(
             node,
-            GripperCommand,
+            self.kind,
             name,
             execute_callback=self._execute,
             goal_callback=self._accept,
@@ -111,9 +114,17 @@ class HandAction:
             callback_group=ReentrantCallbackGroup(),
         )
 
-    def _accept(self, request: GripperCommand.Goal) -> GoalResponse:
+    def _goal(self, request: Any) -> GripperGoal:
+        """Return the goal of a request."""
+        return conversions.gripper_goal_from_msg(request)
+
+    def _result(self, status: GoalStatus, result: GripperResult, words: str) -> Any:
+        """Return the result's message."""
+        return conversions.gripper_result_to_msg(result)
+
+    def _accept(self, request: Any) -> GoalResponse:
         try:
-            self._hand.check(conversions.gripper_goal_from_msg(request))
+            self._hand.check(self._goal(request))
         except HandGoalError as error:
             self._node.get_logger().warning(f"{self._name}: goal rejected: {error}")
             return GoalResponse.REJECT
@@ -123,11 +134,11 @@ class HandAction:
         self._hand.halt()
         return CancelResponse.ACCEPT
 
-    def _execute(self, handle: ServerGoalHandle) -> GripperCommand.Result:
+    def _execute(self, handle: ServerGoalHandle) -> Any:
         with _reporting(lambda: self._publish(handle)):
-            status, result, words = self._hand.execute(conversions.gripper_goal_from_msg(handle.request))
+            status, result, words = self._hand.execute(self._goal(handle.request))
         _end(self._node, self._name, handle, status, words)
-        return conversions.gripper_result_to_msg(result)
+        return self._result(status, result, words)
 
     def _publish(self, handle: ServerGoalHandle) -> None:
         with suppress(InvalidHandle):

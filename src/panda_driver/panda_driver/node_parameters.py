@@ -20,14 +20,16 @@ _DEFAULT_ARM = "fr3"  # libfranka of this version speaks to nothing older
 class DriverParameters:
     """Values of the node's parameters.
 
-    address: of the arm; with_hand: whether a hand is driven; heartbeat_timeout [s]: of the executor's, wall clock;
-    joint_state_rate [Hz]: at most; publish_clock: whether the arm's own time is the graph's, for a simulator of it.
+    address: of the arm; with_hand: whether a hand is driven; connect_timeout [s]: for the arm or the hand to answer;
+    heartbeat_timeout [s]: of the executor's, wall clock; joint_state_rate [Hz]: at most; publish_clock: whether the
+    arm's own time is the graph's, for a simulator of it.
     """
 
     robot: ArmModel
     address: str
     settings: ArmSettings
     with_hand: bool
+    connect_timeout: float
     heartbeat_timeout: float
     joint_state_rate: float
     publish_clock: bool
@@ -75,6 +77,7 @@ def read_parameters(node: Node) -> DriverParameters:
         address,
         settings,
         bool(get("gripper", True)),
+        number("connect_timeout", 10.0, 1.0, 120.0),
         number("heartbeat_timeout", 0.5, 0.1, 60.0),
         number("joint_state_rate", 200.0, 1.0, 1000.0),
         bool(get("publish_clock", False)),

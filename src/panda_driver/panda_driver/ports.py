@@ -81,8 +81,11 @@ class HandPort(Protocol):
         """Begin to go to a full width [m] at a speed [m/s] of the width."""
         ...
 
-    def grasp(self, width: float, speed: float, force: float) -> HandMotion:
-        """Begin to close to a full width [m] with a force [N]; whatever stops the fingers before is held."""
+    def grasp(self, width: float, speed: float, force: float, epsilon: tuple[float, float] | None) -> HandMotion:
+        """Begin to close to a full width [m] with a force [N]; whatever stops the fingers before is held.
+
+        The motion succeeds where it ends within an epsilon (inner, outer) [m] of the width; None: wherever it ends.
+        """
         ...
 
     def home(self) -> HandMotion:

@@ -19,10 +19,11 @@ class FakeArm:
         self.step, self.time = step, 100.0
         self.positions, self.velocities = np.array(ARM.ready), np.zeros(7)
         self.fault, self.stops_with, self.keeps_errors = "", "", False
-        self.in_control, self.begun, self.closed = False, 0, False
+        self.in_control, self.begun, self.closed, self.readings = False, 0, False, 0
 
     def read(self) -> ArmState:
         self.time += self.step
+        self.readings += 1
         return ArmState(self.time, self.positions.copy(), self.velocities.copy(), np.zeros(7), self.fault)
 
     def begin(self) -> None:
@@ -66,7 +67,7 @@ class FakeHand:
 
     def __init__(self, object_width: float = 0.0) -> None:
         self.object_width, self.width, self.max_width = object_width, 0.08, 0.08
-        self.ends, self.done, self.fails = True, True, ""
+        self.ends, self.does, self.done, self.fails = True, True, True, ""
         self.told: list[tuple[str, float]] = []
         self.forces: list[float] = []
         self.stops = 0
@@ -77,9 +78,11 @@ class FakeHand:
     def move(self, width: float, speed: float) -> FakeMotion:
         return self._go("move", width, width)
 
-    def grasp(self, width: float, speed: float, force: float) -> FakeMotion:
+    def grasp(self, width: float, speed: float, force: float, epsilon: tuple[float, float] | None) -> FakeMotion:
         self.forces.append(force)
-        return self._go("grasp", width, max(width, self.object_width))
+        end = max(width, self.object_width)
+        self.done = self.does and (epsilon is None or width - epsilon[0] <= end <= width + epsilon[1])
+        return self._go("grasp", width, end)
 
     def home(self) -> FakeMotion:
         self.max_width = 0.08

@@ -122,6 +122,21 @@ def test_malformed_goals_are_rejected_in_words(bench: Bench, wrong: TrajectoryGo
     assert bench.arm.begun == 0
 
 
+def test_an_arm_that_is_slow_near_its_ends_refuses_to_be_fast_there(bench: Bench) -> None:
+    end = ARM.ready.copy()
+    end[3] = ARM.limits.upper[3] - 0.01  # where 0.09 rad/s are allowed, in place of 2.62
+    bench.arm.positions = end - np.array([0.0, 0.0, 0.0, 0.1, 0.0, 0.0, 0.0])
+    bench.loop.turn()
+
+    def towards_it(duration: float) -> TrajectoryGoal:
+        rows = np.array([bench.arm.positions, end])
+        return TrajectoryGoal.from_arrays(ARM.arm_joints, (0.0, duration), rows, np.zeros((2, 7)))
+
+    bench.loop.check(towards_it(4.0))
+    with pytest.raises(GoalRejectedError, match=r"the speed is .* times the limit of fr3_joint4"):
+        bench.loop.check(towards_it(0.5))
+
+
 def test_a_reflex_aborts_and_refuses_until_the_errors_are_cleared(bench: Bench) -> None:
     execution = bench.loop.start(goal())
     bench.turn(lambda: bench.arm.positions[0] > ARM.ready[0] + 0.04)

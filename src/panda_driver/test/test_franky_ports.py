@@ -216,10 +216,10 @@ def test_a_hand(franky: StandIn) -> None:
     assert (franky.calls[0], state.width, state.max_width) == (("Gripper", "10.0.0.2"), 0.03, 0.078)
     assert hand.move(0.05, 0.1).wait(3.0)
     assert franky.calls[-2:] == [("move_async", 0.05, 0.1), ("wait", 3.0)]
-    assert hand.grasp(0.0, 0.1, 20.0).succeeded()
+    assert hand.grasp(0.0, 0.1, 20.0, None).succeeded()
     assert ("grasp_async", 0.0, 0.1, 20.0, 0.078, 0.078) in franky.calls
-    hand.grasp(0.1, 0.1, 20.0)
-    assert ("grasp_async", 0.1, 0.1, 20.0, 0.1, 0.1) in franky.calls
+    hand.grasp(0.1, 0.1, 20.0, (0.1, 0.01))
+    assert ("grasp_async", 0.1, 0.1, 20.0, 0.1, 0.01) in franky.calls
     franky.answers.update(get=False, wait=False)
     homing = hand.home()
     assert franky.calls[-1] == ("homing_async",) and not homing.wait(0.1) and not homing.succeeded()

@@ -91,7 +91,7 @@ def test_a_motion_is_followed_and_a_second_braked(server: tuple[str, subprocess.
 
 
 def test_closing_on_the_post_is_a_grasp(server: tuple[str, subprocess.Popen[str]]) -> None:
-    hand = Hand(FrankyHand(server[0]), ARM.hand, lambda _: None)
+    hand = Hand(lambda: FrankyHand(server[0]), ARM.hand, lambda _: None)
     hand.start_thread()
     status, result, words = hand.execute(GripperGoal(0.0, 20.0))
     assert (status, result.stalled, result.reached_goal) == (GoalStatus.SUCCEEDED, True, False), words

@@ -10,14 +10,13 @@ from fake_franka import ARM, FakeHand
 from panda_driver.errors import ConnectionFailedError, HandFaultError, HandGoalError
 from panda_driver.hand import Hand
 from sim_bridge.control.goal_status import GoalStatus
-from sim_bridge.control.gripper_controller import GripperGoal
+from sim_bridge.control.gripper_controller import GripperGoal, HandTask
 
-FAILURES: list[BaseException] = []
 CLOSE, OPEN, HALF = GripperGoal(0.0, 20.0), GripperGoal(0.04), GripperGoal(0.02)
 
 
 def make(port: FakeHand) -> Hand:
-    return Hand(port, ARM.hand, FAILURES.append)
+    return Hand(lambda: port, ARM.hand, lambda _: None)
 
 
 def test_closing_on_an_object_is_a_grasp_held_and_stalled() -> None:
@@ -62,9 +61,26 @@ def test_fingers_that_something_keeps_from_opening_are_aborted() -> None:
 
 def test_a_grasp_that_the_hand_calls_failed_is_no_grasp() -> None:
     port = FakeHand(0.03)
-    port.done = False
+    port.does = False
     status, result, _ = make(port).execute(CLOSE)
     assert (status, result.stalled, result.width) == (GoalStatus.ABORTED, False, 0.03)
+
+
+def test_a_grasp_is_judged_by_its_own_epsilon() -> None:
+    port = FakeHand(0.03)
+    hand = make(port)
+    wide = hand.execute(GripperGoal(0.0, 30.0, HandTask.GRASP, 0.05, (0.08, 0.08)))
+    assert (wide[0], wide[1].width, port.told, port.forces) == (GoalStatus.SUCCEEDED, 0.03, [("grasp", 0.0)], [30.0])
+    status, _, words = hand.execute(GripperGoal(0.0, 30.0, HandTask.GRASP, 0.05, (0.005, 0.005)))
+    assert (status, words) == (GoalStatus.ABORTED, "the fingers stand at 0.0300 m, outside of the grasp's epsilon")
+
+
+def test_a_move_closes_without_a_grasp_and_homing_is_a_goal() -> None:
+    port = FakeHand()
+    hand = make(port)
+    assert hand.execute(GripperGoal(0.01, task=HandTask.MOVE))[0] is GoalStatus.SUCCEEDED
+    assert hand.execute(GripperGoal(0.0, task=HandTask.HOMING))[0] is GoalStatus.SUCCEEDED
+    assert (port.told, port.forces) == ([("move", 0.02), ("home", 0.0)], [])
 
 
 def test_a_halt_stops_the_fingers() -> None:
@@ -91,6 +107,7 @@ def test_a_halt_stops_the_fingers() -> None:
         (GripperGoal(0.05), "half a width: it must be in 0..0.04 m"),
         (GripperGoal(float("nan")), "half a width"),
         (GripperGoal(0.02, -1.0), "max_effort must be zero"),
+        (GripperGoal(0.02, speed=-1.0), "speed must be zero"),
     ],
 )
 def test_goals_outside_the_range_are_refused(goal: GripperGoal, words: str) -> None:
@@ -116,10 +133,46 @@ def test_a_hand_that_fails_aborts_in_words() -> None:
 def test_a_hand_that_is_lost_while_it_is_told_ends_the_goal(monkeypatch: pytest.MonkeyPatch) -> None:
     port = FakeHand()
 
-    def lost(width: float, speed: float, force: float) -> None:
+    def lost(*_: object) -> None:
         raise ConnectionFailedError("the hand was lost")
 
     monkeypatch.setattr(port, "grasp", lost)
     hand = make(port)
     status, _, words = hand.execute(CLOSE)
     assert (status, words, hand.moving) == (GoalStatus.ABORTED, "the hand was lost", False)
+
+
+def test_a_lost_hand_refuses_until_homing_connects_it_again() -> None:
+    ports, losses = [FakeHand(), FakeHand()], list[str]()
+    lost = threading.Event()
+
+    def cut() -> None:
+        raise ConnectionFailedError("the hand was lost")
+
+    def on_loss(words: str) -> None:
+        losses.append(words)
+        lost.set()
+
+    offered = iter(ports)
+    hand = Hand(lambda: next(offered), ARM.hand, on_loss, period=0.001)
+    hand.start_thread()
+    assert hand.is_fresh()
+    ports[0].read = cut  # type: ignore[assignment]
+    assert lost.wait(20.0)
+    assert (hand.lost, hand.is_fresh()) == ("the hand was lost", False)
+    with pytest.raises(HandGoalError, match="the hand was lost"):
+        hand.check(CLOSE)
+    hand.home()
+    assert (hand.lost, ports[1].told) == ("", [("home", 0.0)])
+    hand.check(CLOSE)
+    assert hand.execute(CLOSE)[0] is GoalStatus.SUCCEEDED
+    hand.stop_thread()
+    assert losses == ["the hand was lost"]
+
+
+def test_the_state_of_a_hand_that_answers_no_more_is_not_fresh(monkeypatch: pytest.MonkeyPatch) -> None:
+    hand = make(FakeHand())
+    assert hand.is_fresh()
+    read_at = hand._read_at
+    monkeypatch.setattr("panda_driver.hand.clock.monotonic", lambda: read_at + 0.3)
+    assert not hand.is_fresh()

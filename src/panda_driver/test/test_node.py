@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
+from itertools import pairwise
 
 import pytest
 
@@ -28,7 +29,7 @@ from panda_driver.conformance.main import run_checks
 from panda_driver.conformance.node_client import ArmClient
 from panda_driver.conformance.plan import small_motion
 from panda_driver.conformance.subject import Bounds, End
-from panda_driver.errors import DriverError
+from panda_driver.errors import ConnectionFailedError, DriverError
 from panda_driver.node import DriverNode
 from sim_bridge.conversions import time_from_msg
 
@@ -49,7 +50,7 @@ class Bench:
         rclpy.init(context=self.context, domain_id=next_domain())
         self.arm, self.hand, self.failures = FakeArm(), FakeHand(), list[BaseException]()
         self.node = DriverNode(
-            self.failures.append, lambda _: (self.arm, self.hand), context=self.context,
+            self.failures.append, lambda _: (self.arm, lambda: self.hand), context=self.context,
             parameter_overrides=parameters(),
         )  # fmt: skip
         self.user = Node("user", context=self.context)
@@ -150,6 +151,41 @@ def test_a_reflex_is_told_and_cleared_by_the_service(bench: Bench) -> None:
     assert bench.call("home_gripper").success
 
 
+def test_a_lost_hand_leaves_the_arm_driven(bench: Bench) -> None:
+    seen: list[JointState] = []
+    bench.user.create_subscription(JointState, topics.JOINT_STATES, seen.append, 10)
+    assert bench.client.wait(lambda: bool(seen) and len(seen[-1].name) == 9, WAIT)
+
+    def cut() -> None:
+        raise ConnectionFailedError("the hand was lost")
+
+    bench.hand.read = cut  # type: ignore[assignment]
+    assert bench.client.wait(lambda: list(seen[-1].name) == list(ARM.arm_joints), WAIT)
+    grip = bench.client.grip(0.01, 20.0)
+    goal = bench.client.follow(ARM.arm_joints, small_motion(ARM.ready, ARM.limits, 0.05, 2.0))
+    assert bench.client.wait(lambda: goal.end is not None and grip.end is not None, WAIT)
+    assert (goal.end, grip.end, bench.failures) == (End.SUCCEEDED, End.REJECTED, [])
+    assert bench.call("home_gripper").message == "the hand was lost"
+    del bench.hand.read
+    assert bench.call("home_gripper").success
+    assert bench.client.wait(lambda: len(seen[-1].name) == 9, WAIT)
+
+
+def test_a_state_whose_time_stands_still_is_published_once(bench: Bench) -> None:
+    stamps: list[float] = []
+    bench.user.create_subscription(
+        JointState, topics.JOINT_STATES, lambda message: stamps.append(time_from_msg(message.header.stamp)), 10
+    )
+    assert bench.client.wait(lambda: len(stamps) > 5, WAIT)
+    bench.arm.step = 0.0
+    turns = bench.arm.readings
+    assert bench.client.wait(lambda: bench.arm.readings > turns + 50, WAIT)
+    count = len(stamps)
+    assert bench.client.wait(lambda: bench.arm.readings > turns + 150, WAIT)
+    assert len(stamps) == count
+    assert all(later > earlier for earlier, later in pairwise(stamps))
+
+
 @pytest.mark.parametrize(
     ("given", "words"),
     [
@@ -164,7 +200,7 @@ def test_bad_parameters_are_refused(given: dict[str, object], words: str) -> Non
     context = Context()
     rclpy.init(context=context, domain_id=next_domain())
 
-    def connect(_: object) -> tuple[FakeArm, FakeHand]:
+    def connect(_: object) -> tuple[FakeArm, None]:
         raise DriverError("connected too early")
 
     with pytest.raises(CoreError, match=words):

@@ -8,6 +8,8 @@ from builtin_interfaces.msg import Duration
 from control_msgs.action import FollowJointTrajectory, GripperCommand
 from control_msgs.msg import JointTolerance
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from franka_msgs.action import Grasp, Move
+from franka_msgs.msg import GraspEpsilon
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import PointCloud2
 from trajectory_msgs.msg import JointTrajectory as JointTrajectoryMsg
@@ -97,6 +99,18 @@ def gripper_goal_to_msg(width: float, max_effort: float) -> GripperCommand.Goal:
     goal.command.position = float(width) / 2.0
     goal.command.max_effort = float(max_effort)
     return goal
+
+
+def grasp_goal_to_msg(width: float, speed: float, force: float, epsilon: float) -> Grasp.Goal:
+    """Return a goal to close to a full width [m]; epsilon [m]: by how much the object may be narrower or wider."""
+    return Grasp.Goal(
+        width=float(width), speed=speed, force=float(force), epsilon=GraspEpsilon(inner=epsilon, outer=epsilon)
+    )
+
+
+def move_goal_to_msg(width: float, speed: float) -> Move.Goal:
+    """Return a goal to move to a full width [m]."""
+    return Move.Goal(width=float(width), speed=speed)
 
 
 def feedback_to_msg(phase: Phase, progress: float, plan_id: str = "") -> PickPlace.Feedback:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from typing import Any
 
 from action_msgs.srv import CancelGoal
@@ -38,12 +39,12 @@ class GuardNode(Node):
         """Begin to watch. options: of rclpy's Node."""
         super().__init__("panda_guard", **options)
         robot = declare_robot(self)
-        names = {}
-        for name in ("arm_action", "gripper_action"):
-            names[name] = str(self.declare_parameter(name, "").value) or getattr(robot, name)
+        arm_action = str(self.declare_parameter("arm_action", "").value) or robot.arm_action
+        gripper_action = str(self.declare_parameter("gripper_action", "").value)
+        robot = replace(robot, arm_action=arm_action).with_gripper(gripper_action)
         arm_joints = [str(name) for name in self.declare_parameter("arm_joints", list(robot.arm_joints)).value or ()]
         self._guard = Guard(self._read_config(), _PERIOD, arm_joints)
-        services = [cancel_service(name) for name in names.values()]
+        services = [cancel_service(name) for name in robot.motion_actions]
         self._cancels = {service: self.create_client(CancelGoal, service) for service in services}
         self.create_subscription(Empty, topics.HEARTBEAT, lambda _: self._guard.on_heartbeat(), 10)
         self.create_subscription(JointState, topics.JOINT_STATES, self._on_joints, qos_profile_sensor_data)

@@ -66,13 +66,13 @@ def read_parameters(node: Node) -> NodeParameters:
 
     preset = load_preset(str(get("robot", DEFAULT_PRESET)))
     names: dict[str, Any] = {}
-    for name in ("base_frame", "arm_action", "gripper_action"):
+    for name in ("base_frame", "arm_action"):
         names[name] = str(get(name, "")) or getattr(preset, name)
     for name in ("arm_joints", "finger_joints"):
         names[name] = tuple(str(v) for v in get(name, list(getattr(preset, name))))
     for name in ("gripper_reports_full_width", "gripper_reports_stalled"):
         names[name] = bool(get(name, getattr(preset, name)))
-    robot = replace(preset, **names)
+    robot = replace(preset, **names).with_gripper(str(get("gripper_action", "")))
     if len(robot.arm_joints) != 7 or not robot.finger_joints:
         raise ExecutorError("arm_joints must name seven joints and finger_joints at least one")
     path = str(get("workspace", ""))

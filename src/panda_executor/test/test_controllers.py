@@ -12,6 +12,7 @@ import pytest
 pytest.importorskip("rclpy")
 
 from control_msgs.action import FollowJointTrajectory, GripperCommand
+from franka_msgs.action import Grasp, Move
 
 from panda_executor import node_controllers
 from panda_executor.arm_watch import ArmWatch
@@ -20,7 +21,7 @@ from panda_executor.node_controllers import Controllers
 from panda_model import load_preset
 
 PANDA = load_preset("panda")
-FR3 = replace(PANDA, arm_action="/arm", gripper_action="/gripper")
+FR3 = replace(PANDA, arm_action="/arm", gripper_action="/gripper", franka_gripper="")
 
 
 class Bench:
@@ -35,6 +36,7 @@ class Bench:
         monkeypatch.setattr(node_controllers, "ActionCaller", self._caller)
         monkeypatch.setattr(node_controllers, "ActionArm", lambda *given: self._make("arm", given))
         monkeypatch.setattr(node_controllers, "ActionGripper", lambda *given: self._make("gripper", given))
+        monkeypatch.setattr(node_controllers, "FrankaGripper", lambda *given: self._make("franka", given))
         clock = SimpleNamespace(now=lambda: SimpleNamespace(nanoseconds=42))
         self.node: Any = SimpleNamespace(get_clock=lambda: clock)
         self.watch = ArmWatch(path_tolerance=0.7)
@@ -90,3 +92,19 @@ def test_each_server_is_looked_for(monkeypatch: pytest.MonkeyPatch, there: str, 
     bench = Bench(monkeypatch)
     bench.there = {there}
     assert (bench.controllers.arm_ready, bench.controllers.gripper_ready) == (arm, gripper)
+
+
+def test_a_gripper_that_offers_franka_msgs_is_moved_by_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    bench = Bench(monkeypatch, franka_gripper="/hand")
+    assert [(kind, name) for kind, name, _ in bench.callers] == [
+        (FollowJointTrajectory, "/arm"), (GripperCommand, "/gripper"), (Grasp, "/hand/grasp"), (Move, "/hand/move"),
+    ]  # fmt: skip
+    grasp, move, joints, _, hand = bench.made["franka"]
+    assert (grasp.name, move.name, joints, hand) == ("/hand/grasp", "/hand/move", "joints", FR3.hand)
+    assert "gripper" not in bench.made
+    bench.there = {"/gripper", "/hand/grasp"}
+    assert not bench.controllers.gripper_ready
+    bench.there = {"/hand/move", "/hand/grasp"}
+    assert bench.controllers.gripper_ready
+    bench.controllers.stop()
+    assert bench.cancelled == ["stop of the franka", "/arm", "/gripper", "/hand/grasp", "/hand/move"]

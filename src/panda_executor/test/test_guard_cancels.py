@@ -29,7 +29,7 @@ from panda_model import load_preset
 S = 1_000_000_000
 PANDA = load_preset()
 ARM = f"{PANDA.arm_action}/_action/cancel_goal"
-GRIPPER = f"{PANDA.gripper_action}/_action/cancel_goal"
+GRIPPER = "/mine/_action/cancel_goal"
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -46,7 +46,8 @@ def guard() -> Iterator[GuardNode]:
     node.destroy_node()
 
 
-def test_every_goal_is_cancelled_at_both_controllers(guard: GuardNode, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_every_goal_is_cancelled_at_both_controllers(monkeypatch: pytest.MonkeyPatch) -> None:
+    guard = GuardNode(parameter_overrides=[Parameter("gripper_action", value="/mine")])  # no franka_msgs
     assert list(guard._cancels) == [ARM, GRIPPER]
     said: list[str] = []
     monkeypatch.setattr(guard, "get_logger", lambda: SimpleNamespace(error=said.append))
@@ -73,6 +74,12 @@ def test_every_goal_is_cancelled_at_both_controllers(guard: GuardNode, monkeypat
     guard._tick()
     assert asked[2:] == [(GRIPPER, True)], "one that is missing keeps no other from being told"
     assert said[1:] == [f"{lost}: cannot cancel at {ARM}: no such service; use the arm's own stop"]
+    guard.destroy_node()
+
+
+def test_all_that_moves_the_fingers_is_cancelled(guard: GuardNode) -> None:
+    assert list(guard._cancels) == [f"{action}/_action/cancel_goal" for action in PANDA.motion_actions]
+    assert len(guard._cancels) == 5
 
 
 def test_joint_states_come_with_their_age(guard: GuardNode, monkeypatch: pytest.MonkeyPatch) -> None:

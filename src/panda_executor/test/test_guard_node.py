@@ -16,6 +16,7 @@ from ros_domain import next_domain
 from panda_executor.errors import ExecutorError
 from panda_executor.guard import Fault
 from panda_executor.node_guard import GuardNode
+from panda_model import load_preset
 
 
 @pytest.fixture
@@ -33,12 +34,9 @@ def test_it_says_which_cancel_it_cannot_send(ros: None, monkeypatch: pytest.Monk
     monkeypatch.setattr(node, "get_logger", lambda: logger)
     monkeypatch.setattr(node._guard, "tick", lambda now: Fault.EXECUTOR_SILENT)
     node._tick()
-    services = (
-        "/panda_arm_controller/follow_joint_trajectory/_action/cancel_goal, /panda_gripper/gripper_action/_action"
-    )
+    services = ", ".join(f"{action}/_action/cancel_goal" for action in load_preset().motion_actions)
     assert said == [
-        f"the executor gives no sign of work done: cannot cancel at {services}/cancel_goal: no such service; "
-        "use the arm's own stop"
+        f"the executor gives no sign of work done: cannot cancel at {services}: no such service; use the arm's own stop"
     ]
     node.destroy_node()
 

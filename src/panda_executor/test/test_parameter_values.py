@@ -112,7 +112,12 @@ def test_a_setting_of_a_part(name: str, value: Any, part: str, field: str, kept:
     assert read(**{name: value}).config == replace(config, **{part: replace(getattr(config, part), **{field: kept})})
 
 
-@pytest.mark.parametrize("name", ["base_frame", "arm_action", "gripper_action"])
+def test_a_gripper_action_of_ones_own_is_a_gripper_command() -> None:
+    check_same(read(gripper_action="").robot, PANDA)
+    check_same(read(gripper_action="/other").robot, changed(PANDA, gripper_action="/other", franka_gripper=""))
+
+
+@pytest.mark.parametrize("name", ["base_frame", "arm_action"])
 def test_a_name_is_the_presets_unless_there_is_another(name: str) -> None:
     check_same(read(**{name: ""}).robot, PANDA)
     check_same(read(**{name: "/other"}).robot, changed(PANDA, **{name: "/other"}))

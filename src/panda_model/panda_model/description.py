@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import os
+import re
 from dataclasses import dataclass, field
 from importlib import metadata
 from pathlib import Path
 
 from panda_model.arm import ArmModel
 from panda_model.errors import DescriptionError
+
+OWN = "own"
+_RELATIVE_MESH = re.compile(r'filename="(?!/|[a-z]+:)')
 
 
 @dataclass(frozen=True)
@@ -30,8 +34,9 @@ def load_description(arm: ArmModel, given: str = "") -> RobotDescription:
     """Return the description of an arm.
 
     Args:
-        given: the user's own URDF, as the path of a file or as XML; its names must begin as the preset's frames do.
-            Empty: the one that the preset names.
+        given: the user's own URDF, as the path of a file or as XML; its names must begin as the preset's frames do, and
+            meshes without a scheme lie relative to the file. Empty: the one that the preset names. OWN: the arm's own,
+            from the package that the preset names for it.
 
     Raises:
         DescriptionError: when a file or a package is missing, or the URDF's names do not fit the preset.
@@ -43,7 +48,7 @@ def load_description(arm: ArmModel, given: str = "") -> RobotDescription:
         urdf = _text(share / named.package / named.urdf)
         notice = f"preset {arm.name} {named.notice}" if named.notice else ""
         return RobotDescription(urdf, srdf, (str(share),), named.prefix, notice)
-    urdf = given if given.lstrip().startswith("<") else _text(Path(given))
+    urdf = given if given.lstrip().startswith("<") else _urdf_of(_own_urdf(arm) if given == OWN else Path(given))
     for frame in (f"{arm.prefix}link0", arm.hand_frame, arm.tcp_frame):
         if f'"{frame}"' not in urdf:
             raise DescriptionError(
@@ -53,6 +58,24 @@ def load_description(arm: ArmModel, given: str = "") -> RobotDescription:
     folders = tuple(str(folder) for folder in _share_folders())
     # which links may touch each other is the same for either arm, but for the names
     return RobotDescription(urdf, srdf.replace(named.prefix, arm.prefix), folders, arm.prefix)
+
+
+def _own_urdf(arm: ArmModel) -> Path:
+    """Return the path of the arm's own URDF in the package that the preset names for it."""
+    package, _, file = arm.description.own.partition(":")
+    if not package:
+        raise DescriptionError(f"preset {arm.name} names no package with a URDF of its own: give the path of one")
+    try:
+        return Path(str(metadata.distribution(package).locate_file(file)))
+    except metadata.PackageNotFoundError:
+        raise DescriptionError(
+            f"the package '{package}', which has the URDF of preset {arm.name}, is not installed"
+        ) from None
+
+
+def _urdf_of(path: Path) -> str:
+    """Return the text of a URDF whose meshes are named by whole paths."""
+    return _RELATIVE_MESH.sub(f'filename="{path.resolve().parent}/', _text(path))
 
 
 def _share_of(package: str, file: str) -> Path:

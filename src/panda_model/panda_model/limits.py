@@ -38,6 +38,16 @@ class SlowEnds:
         return np.maximum(np.sqrt(self.slope * np.maximum(distance, 0.0)) - self.offset, 0.0)
 
 
+def velocity_ratio(
+    positions: FloatArray, velocities: FloatArray, bound: npt.ArrayLike, slow_ends: SlowEnds | None
+) -> FloatArray:
+    """Return speeds (..., 7) [rad/s] as shares of the bound (7,) [rad/s], and of what the ends of the range allow."""
+    allowed = np.broadcast_to(np.asarray(bound, dtype=np.float64), np.shape(velocities))
+    if slow_ends is not None:
+        allowed = np.minimum(allowed, slow_ends.velocity(positions, velocities > 0.0))
+    return np.abs(velocities) / np.maximum(allowed, _CREEP)
+
+
 @dataclass(frozen=True, eq=False)
 class JointLimits:
     """Bounds of the seven arm joints, each (7,): rad, rad/s, rad/s^2, rad/s^3.
@@ -57,10 +67,7 @@ class JointLimits:
 
         Where the limits allow none, even the slowest motion is a very large share.
         """
-        bound = np.broadcast_to(self.velocity, np.shape(velocities))
-        if self.slow_ends is not None:
-            bound = np.minimum(bound, self.slow_ends.velocity(positions, velocities > 0.0))
-        return np.abs(velocities) / np.maximum(bound, _CREEP)
+        return velocity_ratio(positions, velocities, self.velocity, self.slow_ends)
 
     def scaled(self, velocity: float, acceleration: float, jerk: float) -> JointLimits:
         """Return limits with the same position bounds, and the derivatives' bounds times factors in (0, 1]."""

@@ -42,10 +42,11 @@ def load_preset(name: str = DEFAULT_PRESET) -> ArmModel:
 
 def _arm(name: str, content: dict[str, Any], path: Path) -> ArmModel:
     keys = [f.name for f in fields(ArmModel) if f.name not in ("name", "prefix") and not f.name.endswith("_frame")]
+    content = {"franka_gripper": "", **content}
     _check_keys(content, [*keys, "frames"], str(path))
     frames = _mapping(content, "frames", _FRAMES, path)
     limits = _mapping(content, "limits", [f.name for f in fields(JointLimits)], path, "slow_ends")
-    description = _mapping(content, "description", [f.name for f in fields(Description)], path)
+    description = _mapping(content, "description", [f.name for f in fields(Description)], path, "own")
     return ArmModel(
         name=name,
         prefix=str(frames["flange"]).removesuffix("link8"),  # the base may have a name of its own
@@ -61,6 +62,7 @@ def _arm(name: str, content: dict[str, Any], path: Path) -> ArmModel:
         gripper_reports_stalled=_yes_or_no(content, "gripper_reports_stalled", path),
         description=Description(**{key: str(value) for key, value in description.items()}),
         hand=_hand(content["hand"], path),
+        franka_gripper=str(content["franka_gripper"]),
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,7 @@ import yaml
 
 import panda_model
 from panda_model import ARM_DOF, PresetError, load_preset, preset_names
-from panda_model.description import load_description
+from panda_model.description import OWN, load_description
 from panda_model.errors import DescriptionError
 
 FOLDER = Path(panda_model.__file__).parent / "presets"
@@ -43,6 +44,23 @@ def test_a_shipped_preset_is_an_arm(name: str) -> None:
     assert arm.arm_action.startswith("/") and arm.gripper_action.startswith("/")
 
 
+def test_a_gripper_offers_franka_msgs_where_the_preset_says_so(content: dict[str, Any], tmp_path: Path) -> None:
+    arm = load_preset("fr3")
+    assert (arm.grasp_action, arm.move_action) == ("/franka_gripper/grasp", "/franka_gripper/move")
+    assert (arm.homing_action, arm.gripper_stop) == ("/franka_gripper/homing", "/franka_gripper/stop")
+    assert arm.motion_actions == (
+        arm.arm_action, arm.gripper_action, arm.grasp_action, arm.move_action, arm.homing_action,
+    )  # fmt: skip
+    assert arm.with_gripper("") is arm and arm.with_gripper(arm.gripper_action) is arm
+    other = arm.with_gripper("/other")
+    assert (other.gripper_action, other.franka_gripper) == ("/other", "")
+    assert other.motion_actions == (arm.arm_action, "/other")
+    del content["franka_gripper"]  # a file from before it was known
+    path = tmp_path / "mine.yaml"
+    path.write_text(yaml.safe_dump(content))
+    assert load_preset(str(path)).franka_gripper == ""
+
+
 @pytest.mark.parametrize("name", preset_names())
 def test_no_array_can_be_changed(name: str) -> None:
     arm = load_preset(name)
@@ -66,6 +84,27 @@ def test_a_stand_in_says_so() -> None:
     given = load_description(arm, own)
     assert (given.notice, given.prefix) == ("", "fr3_")
     assert "fr3_link5" in given.srdf and "panda_link5" not in given.srdf
+
+
+def test_meshes_of_a_users_urdf_lie_beside_it(tmp_path: Path) -> None:
+    arm = load_preset("fr3")
+    own = load_description(arm).urdf.replace('"panda_', '"fr3_')
+    path = tmp_path / "mine.urdf"
+    path.write_text(own.replace("package://example-robot-data/", "meshes/"))
+    meshes = load_description(arm, str(path)).urdf
+    assert f'filename="{tmp_path.resolve()}/meshes/' in meshes and 'filename="meshes/' not in meshes
+    path.write_text(own)
+    assert load_description(arm, str(path)).urdf == own  # what has a scheme, or a whole path, stays
+
+
+def test_an_arm_without_a_urdf_of_its_own_says_so() -> None:
+    with pytest.raises(DescriptionError, match="preset panda names no package with a URDF of its own"):
+        load_description(load_preset("panda"), OWN)
+
+    arm = load_preset("fr3")
+    other = replace(arm, description=replace(arm.description, own="no-such-package:fr3.urdf"))
+    with pytest.raises(DescriptionError, match="'no-such-package', which has the URDF of preset fr3, is not installed"):
+        load_description(other, OWN)
 
 
 def test_a_description_that_does_not_fit_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

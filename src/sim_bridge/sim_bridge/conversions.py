@@ -12,13 +12,14 @@ from builtin_interfaces.msg import Time as TimeMsg
 from control_msgs.action import FollowJointTrajectory
 from control_msgs.action import GripperCommand as GripperCommandAction
 from control_msgs.msg import JointTolerance as JointToleranceMsg
+from franka_msgs.action import Grasp, Move
 from geometry_msgs.msg import TransformStamped
 from sensor_msgs.msg import CameraInfo, Image, JointState
 from trajectory_msgs.msg import JointTrajectoryPoint
 
 from cliport_core import Pose
 from cliport_perception import CameraModel
-from sim_bridge.control.gripper_controller import GripperGoal, GripperResult
+from sim_bridge.control.gripper_controller import GripperGoal, GripperResult, HandTask
 from sim_bridge.control.joint_trajectory_controller import TrajectoryExecution, TrajectoryFeedback
 from sim_bridge.control.trajectory_goal import (
     ErrorCode,
@@ -150,6 +151,17 @@ def trajectory_result_to_msg(execution: TrajectoryExecution) -> FollowJointTraje
 def gripper_goal_from_msg(msg: GripperCommandAction.Goal) -> GripperGoal:
     """Return the goal of the hand's controller: half a width."""
     return GripperGoal(msg.command.position, msg.command.max_effort)
+
+
+def grasp_goal_from_msg(msg: Grasp.Goal) -> GripperGoal:
+    """Return the goal of the hand's controller from a grasp's full width."""
+    epsilon = (msg.epsilon.inner, msg.epsilon.outer)
+    return GripperGoal(msg.width / 2.0, msg.force, HandTask.GRASP, msg.speed, epsilon)
+
+
+def move_goal_from_msg(msg: Move.Goal) -> GripperGoal:
+    """Return the goal of the hand's controller from a full width."""
+    return GripperGoal(msg.width / 2.0, task=HandTask.MOVE, speed=msg.speed)
 
 
 def gripper_result_to_msg(result: GripperResult) -> GripperCommandAction.Result:

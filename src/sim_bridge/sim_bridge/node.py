@@ -20,7 +20,7 @@ from sim_bridge.control.joint_trajectory_controller import JointTrajectoryContro
 from sim_bridge.control.trajectory_log import TrajectoryLog
 from sim_bridge.errors import SimBridgeError
 from sim_bridge.node_camera import CameraPublisher
-from sim_bridge.node_controllers import ArmAction, GripperAction
+from sim_bridge.node_controllers import ArmAction, GripperAction, serve_franka_hand
 from sim_bridge.node_faults import FaultInjection
 from sim_bridge.node_parameters import SimParameters, declare_parameters
 from sim_bridge.node_services import SceneServices
@@ -71,6 +71,7 @@ class SimNode(Node):  # type: ignore[misc]
         self._camera = CameraPublisher(self, self.loop, camera, faults, parameters.camera_rate, parameters.camera_frame)
         self._arm = ArmAction(self, self.loop, parameters.arm_action, faults, log)
         self._gripper = GripperAction(self, self.loop, parameters.gripper_action)
+        self._franka_hand = serve_franka_hand(self, self.loop, arm.with_gripper(parameters.gripper_action))
         self._scenes = SceneServices(self, self.loop, task, parameters.seed)
         self._watch(parameters)
         self.loop.start()
@@ -114,6 +115,7 @@ def _gripper_config(parameters: SimParameters) -> GripperConfig:
         epsilon_inner=parameters.grasp_epsilon_inner,
         epsilon_outer=parameters.grasp_epsilon_outer,
         franka_quirks=parameters.franka_quirks,
+        fault=parameters.fault_of_hand,
     )
 
 

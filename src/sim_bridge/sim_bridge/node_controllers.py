@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
-from control_msgs.action import FollowJointTrajectory, GripperCommand
-from rclpy.node import Node
+from collections.abc import Callable
+from typing import Any
 
+from control_msgs.action import FollowJointTrajectory, GripperCommand
+from franka_msgs.action import Grasp, Homing, Move
+from rclpy.node import Node
+from std_srvs.srv import Trigger
+
+from panda_model import ArmModel
 from sim_bridge import conversions
-from sim_bridge.control.gripper_controller import GripperExecution, GripperGoal, GripperResult
+from sim_bridge.control.goal_status import GoalStatus
+from sim_bridge.control.gripper_controller import GripperExecution, GripperGoal, GripperResult, HandTask
 from sim_bridge.control.joint_trajectory_controller import TrajectoryExecution
 from sim_bridge.control.trajectory_goal import ErrorCode, TrajectoryGoal, validate_goal
 from sim_bridge.control.trajectory_log import TrajectoryLog
@@ -77,3 +84,44 @@ class GripperAction(ControllerAction):
     def _result(self, execution: GripperExecution | None, message: str = "") -> GripperCommand.Result:
         result = execution.result if execution is not None else None
         return conversions.gripper_result_to_msg(result or GripperResult(0.0, 0.0, False, False))
+
+
+class FrankaHandAction(GripperAction):
+    """One of franka_msgs' actions in front of the hand's controller: Grasp, Move or Homing."""
+
+    def __init__(
+        self, node: Node, loop: SimLoop, action_type: Any, name: str, decode: Callable[[Any], GripperGoal]
+    ) -> None:
+        self._type, self._goal_of = action_type, decode
+        ControllerAction.__init__(self, node, loop, action_type, name)
+
+    def _decode(self, request: Any) -> GripperGoal:
+        return self._goal_of(request)
+
+    def _feedback(self) -> None:
+        return None
+
+    def _result(self, execution: GripperExecution | None, message: str = "") -> Any:
+        done = execution is not None and execution.status is GoalStatus.SUCCEEDED
+        error = execution.message if execution is not None else message
+        return self._type.Result(success=done, error="" if done else error)
+
+
+def serve_franka_hand(node: Node, loop: SimLoop, arm: ArmModel) -> list[FrankaHandAction]:
+    """Make the servers that franka_gripper has below the preset's name, where it has one."""
+    if not arm.franka_gripper:
+        return []
+
+    def stop(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        loop.call(loop.gripper.cancel)
+        response.success = True
+        return response
+
+    node.create_service(Trigger, arm.gripper_stop, stop)
+    home = GripperGoal(loop.gripper.config.max_width / 2.0, task=HandTask.HOMING)
+    kinds: tuple[tuple[Any, str, Callable[[Any], GripperGoal]], ...] = (
+        (Grasp, arm.grasp_action, conversions.grasp_goal_from_msg),
+        (Move, arm.move_action, conversions.move_goal_from_msg),
+        (Homing, arm.homing_action, lambda _: home),
+    )
+    return [FrankaHandAction(node, loop, kind, name, decode) for kind, name, decode in kinds]

@@ -13,9 +13,12 @@ from cliport_core import topics
 from cliport_perception.calibration.board import Board, parse_board
 from cliport_perception.errors import CalibrationError
 from panda_model import DEFAULT_PRESET, ArmModel, load_preset
+from sim_bridge.control.gripper_controller import HandFault
 from sim_bridge.errors import SimBridgeError
 from sim_bridge.rendering.sensor_noise import NoiseConfig, SensorKind
 from sim_bridge.robot import HAND
+
+FRANKA_EPSILON = 0.005  # of franka_gripper's own for GripperCommand [m]
 
 
 class ParameterError(SimBridgeError):
@@ -31,7 +34,8 @@ class SimParameters:
     and limits; an empty `base_frame`, `arm_action` or `gripper_action` is the preset's. `camera_mounting` is the path
     of a YAML file that says where the camera stands; empty for the shipped one. `camera_kind` is a SensorKind: the
     defaults of what `noise.<name>` sets. `publish_camera_pose`: whether /tf_static says where the camera stands; where
-    not, somebody else has to, as with a real one. `held_board`: the form, as in `calibrate --board`, of a calibration
+    not, somebody else has to, as with a real one. `hand_fault` is a HandFault: what is
+    wrong with the hand. `held_board`: the form, as in `calibrate --board`, of a calibration
     board that is fixed to the hand; empty for none.
     """
 
@@ -45,8 +49,9 @@ class SimParameters:
     real_time_factor: float = 1.0
     heartbeat_timeout: float = 0.5
     franka_quirks: bool = True
-    grasp_epsilon_inner: float = HAND.opening
-    grasp_epsilon_outer: float = HAND.opening
+    grasp_epsilon_inner: float = FRANKA_EPSILON
+    grasp_epsilon_outer: float = FRANKA_EPSILON
+    hand_fault: str = HandFault.NONE.value
     trajectory_log: str = ""
     render_threads: int = 0
     robot: str = DEFAULT_PRESET
@@ -74,6 +79,7 @@ class SimParameters:
         }
         for name in ("base_frame", "arm_action", "gripper_action"):
             object.__setattr__(self, name, getattr(self, name) or getattr(self.arm, name))
+        self.fault_of_hand  # noqa: B018  (raises where it names none)
         for name, (least, most) in ranges.items():
             value = getattr(self, name)
             if not least <= value <= most:
@@ -83,6 +89,15 @@ class SimParameters:
     def arm(self) -> ArmModel:
         """The preset of the arm that is stood in for. Raises PresetError when it is unknown."""
         return load_preset(self.robot)
+
+    @property
+    def fault_of_hand(self) -> HandFault:
+        """The fault of the hand. Raises ParameterError when `hand_fault` names no fault."""
+        try:
+            return HandFault(self.hand_fault)
+        except ValueError:
+            known = ", ".join(fault.value for fault in HandFault if fault.value)
+            raise ParameterError(f"parameter hand_fault is '{self.hand_fault}'; known are {known}") from None
 
     @property
     def board(self) -> Board | None:

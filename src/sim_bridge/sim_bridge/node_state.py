@@ -10,6 +10,8 @@ from sensor_msgs.msg import JointState
 from tf2_msgs.msg import TFMessage
 
 from cliport_core import topics
+from panda_model import ARM_DOF
+from sim_bridge.control.gripper_controller import HandFault
 from sim_bridge.conversions import joint_state_to_msg, time_to_msg, transform_to_msg
 from sim_bridge.node_parameters import SimParameters
 from sim_bridge.panda import ArmState
@@ -22,7 +24,7 @@ class StatePublisher:
 
     def __init__(self, node: Node, loop: SimLoop, camera: SimCamera, parameters: SimParameters) -> None:
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        self._names = parameters.arm.joints
+        self._loop, self._names = loop, parameters.arm.joints
         self._clock = node.create_publisher(Clock, topics.CLOCK, 10)
         self._joints = node.create_publisher(JointState, topics.JOINT_STATES, 10)
         if parameters.publish_camera_pose:
@@ -36,12 +38,12 @@ class StatePublisher:
         self._clock.publish(Clock(clock=time_to_msg(time)))
 
     def _publish_joints(self, time: float, state: ArmState) -> None:
-        self._joints.publish(
-            joint_state_to_msg(
-                self._names,
-                np.concatenate([state.positions, state.finger_positions]),
-                np.concatenate([state.velocities, state.finger_velocities]),
-                np.concatenate([state.efforts, np.zeros(2)]),
-                time,
-            )
+        lost = self._loop.gripper.fault is HandFault.LOST
+        rows = (
+            np.concatenate([state.positions, state.finger_positions]),
+            np.concatenate([state.velocities, state.finger_velocities]),
+            np.concatenate([state.efforts, np.zeros(2)]),
         )
+        names = self._names[:ARM_DOF] if lost else self._names
+        positions, velocities, efforts = (row[: len(names)] for row in rows)
+        self._joints.publish(joint_state_to_msg(names, positions, velocities, efforts, time))

@@ -5,7 +5,15 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from sim_bridge.control import GoalStatus, GripperConfig, GripperController, GripperGoal, GripperGoalError
+from sim_bridge.control import (
+    GoalStatus,
+    GripperConfig,
+    GripperController,
+    GripperGoal,
+    GripperGoalError,
+    HandFault,
+    HandTask,
+)
 
 DT = 1.0 / 240.0
 
@@ -47,9 +55,9 @@ class Bench:
                 break
         return command
 
-    def go(self, half_width, effort=20.0):
+    def go(self, half_width, effort=20.0, **more):
         self.run(0.02)
-        execution = self.controller.start(GripperGoal(half_width, effort), self.time)
+        execution = self.controller.start(GripperGoal(half_width, effort, **more), self.time)
         self.run(5.0, execution)
         return execution
 
@@ -175,3 +183,49 @@ def test_a_new_goal_aborts_the_old_and_reset_forgets():
     bench.hand.width = 0.08
     bench.run(1.0)
     assert bench.hand.width == pytest.approx(0.08), "holds the width that it finds"
+
+
+FRANKA = GripperConfig(epsilon_inner=0.005, epsilon_outer=0.005)  # franka_gripper's own, for GripperCommand
+
+
+def test_a_grasp_with_an_epsilon_of_its_own_holds_where_a_command_lets_go():
+    bench = Bench(FRANKA, thing=0.04)
+    grasp = bench.go(0.0, task=HandTask.GRASP, epsilon=(0.08, 0.08))
+    assert (grasp.status, grasp.result.width) == (GoalStatus.SUCCEEDED, pytest.approx(0.04))
+    assert bench.run(1.0).width < 0.02, "the fingers press on"
+    assert Bench(FRANKA, thing=0.04).go(0.0).status is GoalStatus.ABORTED
+
+
+def test_a_move_goes_to_its_width_at_its_speed_and_is_no_grasp():
+    bench = Bench(FRANKA)
+    move = bench.go(0.01, task=HandTask.MOVE, speed=0.02)
+    assert (move.status, bench.hand.width) == (GoalStatus.SUCCEEDED, pytest.approx(0.02, abs=1e-3))
+    assert bench.time == pytest.approx(0.02 + 3.0 + 0.1, abs=0.1)
+    blocked = Bench(FRANKA, thing=0.04).go(0.0, task=HandTask.MOVE)
+    assert (blocked.status, blocked.message) == (GoalStatus.ABORTED, "stopped at 0.0400 m on the way to 0.0000 m")
+
+
+def test_a_hand_that_was_never_homed_does_nothing_before_it_is():
+    bench = Bench(GripperConfig(fault=HandFault.NEVER_HOMED), width=0.03)
+    refused = bench.go(0.0)
+    assert (refused.status, refused.message) == (
+        GoalStatus.ABORTED, "libfranka gripper: command failed (never_homed)",
+    )  # fmt: skip
+    bench.run(0.5)
+    assert bench.hand.width == pytest.approx(0.03)
+    assert bench.go(0.04, task=HandTask.HOMING).status is GoalStatus.SUCCEEDED
+    assert bench.go(0.01).status is GoalStatus.SUCCEEDED
+
+
+@pytest.mark.parametrize("fault", [HandFault.ABORTS, HandFault.LOST])
+def test_a_broken_hand_aborts_whatever_it_is_told(fault):
+    bench = Bench(GripperConfig(fault=fault))
+    for task in HandTask:
+        execution = bench.go(0.01, task=task)
+        assert (execution.status, execution.result.reached_goal) == (GoalStatus.ABORTED, False)
+    assert bench.hand.width == 0.08
+
+
+def test_a_speed_that_is_none_is_refused():
+    with pytest.raises(GripperGoalError, match="speed must be zero"):
+        Bench().go(0.01, speed=-0.1)

@@ -20,6 +20,8 @@ pytest.importorskip("control_msgs", exc_type=ImportError)
 from action_msgs.msg import GoalStatus
 from builtin_interfaces.msg import Duration
 from control_msgs.action import FollowJointTrajectory, GripperCommand
+from franka_msgs.action import Grasp, Homing, Move
+from franka_msgs.msg import GraspEpsilon
 from rcl_interfaces.msg import Parameter as ParameterMsg
 from rcl_interfaces.msg import ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParameters
@@ -29,6 +31,7 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import CameraInfo, Image, JointState
 from std_msgs.msg import Empty
+from std_srvs.srv import Trigger
 from tf2_msgs.msg import TFMessage
 from trajectory_msgs.msg import JointTrajectoryPoint
 
@@ -286,6 +289,24 @@ def test_the_hand_takes_half_and_reports_all_of_the_width(client):
         assert status == GoalStatus.STATUS_SUCCEEDED
         assert result.position == pytest.approx(width, abs=2e-3)
         assert (result.reached_goal, result.stalled) == (True, False)
+
+
+def test_the_hand_does_what_franka_msgs_ask_for(client):
+    client.make_scene()
+    goals = (
+        (Move, "move", Move.Goal(width=0.02, speed=0.1)),
+        (Grasp, "grasp", Grasp.Goal(width=0.0, speed=0.1, force=20.0, epsilon=GraspEpsilon(inner=0.08, outer=0.08))),
+        (Homing, "homing", Homing.Goal()),
+    )
+    for kind, name, goal in goals:
+        server = ActionClient(client.node, kind, f"/panda_gripper/{name}")
+        status, result = client.result(client.send(goal, server)[0])
+        assert (status, result.success, result.error) == (GoalStatus.STATUS_SUCCEEDED, True, ""), name
+    stop = client.node.create_client(Trigger, "/panda_gripper/stop")
+    assert stop.wait_for_service(10.0)
+    future = stop.call_async(Trigger.Request())
+    client.until(future.done, 30.0)
+    assert future.result().success
 
 
 def test_a_lost_heartbeat_holds_the_arm(client):

@@ -10,6 +10,8 @@ from sim_bridge.control.gripper_controller import (
     GripperGoal,
     GripperGoalError,
     GripperResult,
+    HandFault,
+    HandTask,
 )
 from sim_bridge.control.joint_trajectory_controller import (
     JointTrajectoryController,
@@ -36,6 +38,8 @@ __all__ = [
     "GripperGoal",
     "GripperGoalError",
     "GripperResult",
+    "HandFault",
+    "HandTask",
     "JointCommand",
     "JointTolerance",
     "JointTrajectoryController",

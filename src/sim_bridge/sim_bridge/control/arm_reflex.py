@@ -8,6 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from panda_model import ArmModel
+from panda_model.limits import SlowEnds, velocity_ratio
 from sim_bridge.control.trajectory_spline import Array, TrajectorySpline
 from sim_bridge.robot import ROBOT
 
@@ -31,7 +32,7 @@ class ArmControllerConfig:
     """Names and limits of the arm, by default the Panda, and tolerances; angles in rad, speeds in rad/s.
 
     A tolerance of 0 is not checked. The two `..._jump` values are what an arm's reflex allows between what it
-    does and what it is told to do next.
+    does and what it is told to do next. slow_ends: lower speeds near the ends of the range, for an arm that has such.
     """
 
     joint_names: tuple[str, ...] = ROBOT.arm_joints
@@ -45,6 +46,7 @@ class ArmControllerConfig:
     position_jump: float = 0.02
     velocity_jump: float = 0.1
     max_brake_s: float = 0.25
+    slow_ends: SlowEnds | None = None
 
     @classmethod
     def for_arm(cls, arm: ArmModel) -> ArmControllerConfig:
@@ -56,6 +58,7 @@ class ArmControllerConfig:
             tuple(limits.upper.tolist()),
             tuple(limits.velocity.tolist()),
             tuple(limits.acceleration.tolist()),
+            slow_ends=limits.slow_ends,
         )
 
 
@@ -105,7 +108,11 @@ def reflex_fault(
             (config.lower - positions).max(axis=0),
             1e-6,
         ),
-        ("the speed is {:.2f} times the limit of {}", np.abs(velocities / config.velocity).max(axis=0), 1.01),
+        (
+            "the speed is {:.2f} times the limit of {}",
+            velocity_ratio(positions, velocities, config.velocity, config.slow_ends).max(axis=0),
+            1.01,
+        ),
     )
     for text, values, limit in checks:
         joint = int(np.argmax(values))

@@ -19,8 +19,8 @@ from typing import Protocol
 import numpy as np
 
 from sim_bridge.control.goal_status import GoalStatus
+from sim_bridge.control.gripper_goal import GripperGoal, GripperGoalError, HandFault, HandTask
 from sim_bridge.control.trajectory_spline import Array
-from sim_bridge.errors import SimBridgeError
 from sim_bridge.robot import HAND
 
 __all__ = [
@@ -32,6 +32,8 @@ __all__ = [
     "GripperGoal",
     "GripperGoalError",
     "GripperResult",
+    "HandFault",
+    "HandTask",
 ]
 
 
@@ -49,19 +51,15 @@ class FingerStates(Protocol):
         ...
 
 
-class GripperGoalError(SimBridgeError):
-    """A gripper goal that is not taken; the message carries the value and the valid range."""
-
-
 @dataclass(frozen=True)
 class GripperConfig:
     """Rules and limits of the hand. Widths are the full distance between the fingers [m], forces in N.
 
     With `franka_quirks` the rules are franka_gripper's: `stalled` is never set, and a grasp that ends outside
-    of target - `epsilon_inner` .. target + `epsilon_outer` fails and opens the hand again. The epsilons are
-    as wide as the hand by default, as they must be set on an arm where the object's width is not known.
-    Without the quirks the rules are those of ros2_controllers' GripperActionController: fingers that an
-    object stops are reported as `stalled`, and hold it.
+    of target - `epsilon_inner` .. target + `epsilon_outer` fails and opens the hand again, unless its goal has
+    epsilons of its own (franka_msgs/Grasp). The epsilons are as wide as the hand by default: franka_gripper's own, for
+    GripperCommand, are 0.005 m. Without the quirks the rules are those of ros2_controllers' GripperActionController:
+    fingers that an object stops are reported as `stalled`, and hold it.
     """
 
     max_width: float = HAND.opening
@@ -75,14 +73,7 @@ class GripperConfig:
     settle_speed: float = 0.008
     settle_time: float = 0.1
     allowance: float = 2.0
-
-
-@dataclass(frozen=True)
-class GripperGoal:
-    """A GripperCommand: `position` is HALF the wanted width [m]; `max_effort` [N], 0 for the default."""
-
-    position: float
-    max_effort: float = 0.0
+    fault: HandFault = HandFault.NONE
 
 
 @dataclass(frozen=True)
@@ -137,6 +128,7 @@ class GripperController:
         self._started = 0.0
         self._moved = 0.0
         self._grasping = False
+        self.fault = self.config.fault
 
     @property
     def active(self) -> GripperExecution | None:
@@ -150,6 +142,8 @@ class GripperController:
             raise GripperGoalError(f"position {goal.position:g} m is half a width: it must be in 0..{most / 2:g} m")
         if not 0.0 <= goal.max_effort < math.inf:
             raise GripperGoalError(f"max_effort must be zero (default) or positive, got {goal.max_effort:g} N")
+        if not 0.0 <= goal.speed < math.inf:
+            raise GripperGoalError(f"speed must be zero (the hand's) or positive, got {goal.speed:g} m/s")
 
     def start(self, goal: GripperGoal, time: float) -> GripperExecution:
         """Take `goal` at `time` [s]; it begins with the next `update`. A running goal is aborted.
@@ -163,12 +157,22 @@ class GripperController:
         self._target = min(max(2.0 * goal.position, 0.0), self.config.max_width)
         # Measured, not commanded: after a grasp the command lies inside of the object.
         current = self._command.width if self._width is None else self._width
-        self._grasping = self._target < current - 1e-4
+        closes = self._target < current - 1e-4
+        self._grasping = goal.task is HandTask.GRASP or (closes and goal.task is HandTask.COMMAND)
         effort = min(goal.max_effort or self.config.default_effort, self.config.max_effort)
         # A tighter grasp starts where the last one presses; the object is not let go in between.
         begin = min(self._command.width, current) if self._grasping else current
         self._command = GripperCommand(begin, effort)
+        self._fail_if_broken(goal.task)
         return self._execution
+
+    def _fail_if_broken(self, task: HandTask) -> None:
+        """Abort the goal at once, fingers where they are, on a hand that does not do it."""
+        if self.fault is HandFault.NEVER_HOMED and task is HandTask.HOMING:
+            self.fault = HandFault.NONE
+        if self.fault is not HandFault.NONE:
+            self._target = self._width
+            self._end(GoalStatus.ABORTED, f"libfranka gripper: command failed ({self.fault.value})")
 
     def cancel(self) -> None:
         """Stop the fingers where they are; the goal becomes CANCELED."""
@@ -198,7 +202,7 @@ class GripperController:
         if self._target is None:
             self._target = self._width
             self._command = GripperCommand(self._width, self.config.default_effort)
-        stride = self.config.speed * min(passed, 0.1)
+        stride = self._goal_speed() * min(passed, 0.1)
         gap = self._target - self._command.width
         width = self._command.width + math.copysign(min(abs(gap), stride), gap)
         self._command = GripperCommand(width, self._command.max_effort)
@@ -214,20 +218,31 @@ class GripperController:
         spent = abs(self._command.width - target) < 1e-9
         if self._speed > self.config.settle_speed or not (arrived or blocked or spent):
             self._moved = time
-        limit = self.config.max_width / self.config.speed + self.config.allowance
+        limit = self.config.max_width / self._goal_speed() + self.config.allowance
         if time - self._moved < self.config.settle_time:
             if time - self._started > limit:
                 self._end(GoalStatus.ABORTED, f"the fingers did not settle within {limit:.1f} s")
             return
         if not self.config.franka_quirks:
             self._finish(GoalStatus.SUCCEEDED, self._report(reached_goal=arrived, stalled=not arrived))
-        elif self._grasping and not -self.config.epsilon_inner <= error <= self.config.epsilon_outer:
+        elif self._grasping and not self._is_within_epsilon(error):
             self._end(GoalStatus.ABORTED, f"closed to {width:.4f} m, outside of the grasp's epsilon: opened again")
             self._target = self.config.max_width
         elif self._grasping or arrived:
             self._finish(GoalStatus.SUCCEEDED, self._report(reached_goal=True))
         else:
             self._end(GoalStatus.ABORTED, f"stopped at {width:.4f} m on the way to {target:.4f} m")
+
+    def _goal_speed(self) -> float:
+        """Return the speed [m/s] of the width: the goal's own, at most the hand's."""
+        asked = self._execution.goal.speed if self._execution is not None else 0.0
+        return min(asked or self.config.speed, self.config.speed)
+
+    def _is_within_epsilon(self, error: float) -> bool:
+        """Return True if a grasp that ended so far [m] from its width is one by franka_gripper's rule."""
+        own = self._execution.goal.epsilon if self._execution is not None else None
+        inner, outer = own or (self.config.epsilon_inner, self.config.epsilon_outer)
+        return -inner <= error <= outer
 
     def _report(self, *, reached_goal: bool, stalled: bool = False) -> GripperResult:
         width = self._command.width if self._width is None else self._width
