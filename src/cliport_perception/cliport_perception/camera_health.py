@@ -62,6 +62,8 @@ class CameraHealth:
         self._last_stamp_ns: int | None = None
         self._arrivals: deque[int] = deque(maxlen=20)
         self._fault: str | None = None
+        self._age_words: str | None = None  # of the last frame whose age was looked at
+        self._is_late = False  # the fault is a frame's age
         self._valid_fraction: float | None = None
         self.served = 0
 
@@ -75,7 +77,8 @@ class CameraHealth:
             self._arrivals.clear()
         self._arrivals.append(now_ns)
         self._last_stamp_ns = stamp_ns
-        return self._age_fault(now_ns)
+        self._age_words = self._age_fault(now_ns)
+        return self._age_words
 
     def check_valid_fraction(self, fraction: float) -> str | None:
         """Note the share of the workspace that a frame shows; return why it must not be served, or None."""
@@ -91,6 +94,7 @@ class CameraHealth:
     def on_fault(self, message: str) -> None:
         """Note why a frame could not be served."""
         self._fault = message
+        self._is_late = message == self._age_words
 
     def on_served(self) -> None:
         """Note that a frame was served."""
@@ -110,7 +114,7 @@ class CameraHealth:
         if age_fault is not None:
             return HealthReport(Level.STALE, age_fault, values)
         if self._fault is not None:
-            return HealthReport(Level.ERROR, self._fault, values)
+            return HealthReport(Level.STALE if self._is_late else Level.ERROR, self._fault, values)
         if drops > self._limits.max_drop_fraction * max(1, matches + drops):
             return HealthReport(Level.WARN, f"{drops} images without a partner since the last report", values)
         return HealthReport(Level.OK, "camera data is fresh", values)

@@ -47,6 +47,18 @@ def test_fresh_data_is_ok_with_figures() -> None:
     }
 
 
+def test_a_frame_that_only_came_late_is_stale_and_anything_else_an_error() -> None:
+    health = healthy()
+    late = health.check_age(98 * S, 100 * S)
+    assert late is not None
+    health.on_fault(late)
+    assert health.check_age(100 * S, 100 * S) is None  # in time, but none was due
+    report = health.report(100 * S, 5, 0)
+    assert (report.level, report.message) == (Level.STALE, late)
+    health.on_fault("the camera was moved")
+    assert health.report(100 * S, 5, 0).level == Level.ERROR
+
+
 def test_a_frozen_camera_turns_stale_and_recovers() -> None:
     health = healthy()
     report = health.report(102 * S, 0, 0)
