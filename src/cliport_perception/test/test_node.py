@@ -13,7 +13,6 @@ from geometry_msgs.msg import TransformStamped
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
-from ros_domain import next_domain
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image, PointCloud2
 from tf2_msgs.msg import TFMessage
 
@@ -91,13 +90,6 @@ class FakeCamera:
     def reported(self, level: int, text: str) -> Callable[[], bool]:
         start = len(self.reports)
         return lambda: any(lv == level and text in message for lv, message in self.reports[start:])
-
-
-@pytest.fixture
-def ros() -> Iterator[None]:
-    rclpy.init(domain_id=next_domain())
-    yield
-    rclpy.try_shutdown()
 
 
 @pytest.fixture
