@@ -6,6 +6,8 @@ import math
 from collections import deque
 from dataclasses import dataclass, field
 from enum import IntEnum
+from itertools import pairwise
+from statistics import median
 
 from cliport_perception.errors import PerceptionError
 
@@ -49,6 +51,9 @@ class HealthReport:
     level: Level
     message: str
     values: dict[str, str] = field(default_factory=dict)
+
+
+_LEAST_ARRIVALS = 4  # before anything is said of a rate
 
 
 class CameraHealth:
@@ -107,10 +112,12 @@ class CameraHealth:
         missing = [topic for stream, topic in self._topics.items() if stream not in self._seen]
         if missing:
             return HealthReport(Level.ERROR, f"nothing received on {', '.join(missing)}", values)
-        age_fault = self._age_fault(now_ns)
+        age_fault, slow = self._age_fault(now_ns), self._too_slow(now_ns)
         if self._last_stamp_ns is None:
             names = " and ".join(self._topics.values())
             return HealthReport(Level.ERROR, self._fault or f"stamps of {names} never match", values)
+        if slow is not None and self._fault is None:
+            return HealthReport(Level.WARN, slow, values)
         if age_fault is not None:
             return HealthReport(Level.STALE, age_fault, values)
         if self._fault is not None:
@@ -131,6 +138,23 @@ class CameraHealth:
                 "set use_sim_time alike on every node, and synchronise the clocks"
             )
         return None
+
+    def _too_slow(self, now_ns: int) -> str | None:
+        """Return what is wrong with a camera whose frames grow too old before the next one comes; None: it is quicker.
+
+        Nor is it slow, but silent, once the next one is overdue by another period.
+        """
+        arrivals = list(self._arrivals)
+        if len(arrivals) < _LEAST_ARRIVALS:
+            return None
+        period = median(b - a for a, b in pairwise(arrivals)) * 1e-9
+        limit = self._limits.max_age_s
+        if period < 0.8 * limit or (now_ns - arrivals[-1]) * 1e-9 > 2.0 * period:
+            return None
+        return (
+            f"the camera is slow, a frame every {period:.1f} s, which is too old after {limit:.1f} s: what is seen is "
+            "acted on only just after a frame; raise the camera's rate, or max_age"
+        )
 
     def _values(self, now_ns: int, drops: int) -> dict[str, str]:
         values = {"served": str(self.served), "unmatched_images": str(drops)}

@@ -14,6 +14,7 @@ from cliport_core.workspace import WorkspaceSpec
 from cliport_perception.camera_health import CameraHealth
 from cliport_perception.camera_model import CameraModel
 from cliport_perception.clouds import MARGIN, CloudBuilder, CloudRegion
+from cliport_perception.depth_unit import DepthUnit
 from cliport_perception.errors import UnfitFrameError
 from cliport_perception.heightmap_builder import HeightmapBuilder
 from cliport_perception.table_watch import TableLimits, TableWatch
@@ -86,7 +87,8 @@ class FrameProcessor:
         heightmap = to_heightmap.build(color, depth_m, stamp_ns)
         if self._table is not None:
             _refuse(self._table.check(depth_m))
-        _refuse(self._health.check_valid_fraction(heightmap.valid_fraction))
+        unseen = self._health.check_valid_fraction(heightmap.valid_fraction)
+        _refuse(unseen and (DepthUnit(camera, camera_in_base, self._workspace).fault(depth_m) or unseen))
         cloud = None
         if self._points_rate.is_due(stamp_ns):
             cloud = to_cloud.build(color, depth_m)

@@ -19,6 +19,7 @@ from cliport_perception.calibration.view import fit_view
 
 # the logic is tested without any build; these need the built messages
 NEED_MESSAGES = [
+    "test_bad_input.py",
     "test_calibration_lens_nodes.py",
     "test_calibration_moves.py",
     "test_calibration_nodes.py",
