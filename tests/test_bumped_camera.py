@@ -45,7 +45,7 @@ class CameraProbe(GraphProbe):
 
     def __init__(self, domain_id: int) -> None:
         super().__init__(domain_id)
-        self.now = 0.0
+        self.now, self.sentence = 0.0, ""
         self.reports: list[Report] = []
         self._node.create_subscription(Clock, topics.CLOCK, self._on_clock, 10)
         self._node.create_subscription(DiagnosticArray, topics.DIAGNOSTICS, self._on_diagnostics, 50)
@@ -75,12 +75,13 @@ def probe(tmp_path_factory: pytest.TempPathFactory) -> Iterator[CameraProbe]:
     """The client of one graph, the arm's hand over the table."""
     folder: Path = tmp_path_factory.mktemp("bumped")
     domain = next_domain()
-    scene = {"task": "put-blocks-in-bowls-seen-colors", "seed": "1"}
+    scene = {"task": "put-blocks-in-bowls-seen-colors"}
     with (
         GraphProcess("sim.launch.yaml", scene, folder / "graph.log", {"ROS_DOMAIN_ID": str(domain)}) as graph,
         CameraProbe(domain) as client,
     ):
         client.wait_ready(120.0, lambda: graph.alive)
+        client.sentence = client.reset(**scene, split="test", seed=1)
         yield client
         assert "Traceback" not in graph.log_text(), graph.log_tail(60)
 
@@ -113,5 +114,7 @@ def test_a_bump_is_said_in_words_and_no_goal_is_taken(probe: CameraProbe, seed: 
     assert refused.outcome == PickPlace.Result.OUTCOME_REJECTED
     assert refused.message.startswith(f"perception refuses the camera's data: {MOVED}"), refused.message
     assert "\n" not in refused.message
+    ended = probe.instruct_and_wait(probe.sentence, 60.0)
+    assert not ended.succeeded and MOVED in ended.message and "\n" not in ended.message, ended.message
     assert probe.fastest(start) < STILL
     print(f"bump {seed}: said after {said.stamp - bumped_at:.1f} s of the graph's time: {said.words}")

@@ -75,7 +75,7 @@ class CloudCache:
         with self._lock:
             raw, stamp_ns, complaint = self._raw, self._stamp_ns, self._complained(now_ns)
         if complaint:
-            raise RequestError(f"perception refuses the camera's data: {complaint}", Refusal.NO_CLOUD)
+            raise RequestError(complaint, Refusal.NO_CLOUD)
         if raw is None:
             raise RequestError(
                 f"no point cloud has arrived on {topics.POINTS}; is perception running?", Refusal.NO_CLOUD

@@ -13,7 +13,6 @@ from sensor_msgs.msg import PointCloud2
 from trajectory_msgs.msg import JointTrajectory as JointTrajectoryMsg
 from trajectory_msgs.msg import JointTrajectoryPoint
 
-from cliport_core import topics
 from cliport_core.errors import CoreError
 from cliport_core.messages import stamp_to_msg
 from cliport_interfaces.action import MoveHand, PickPlace
@@ -108,12 +107,6 @@ def feedback_to_msg(phase: Phase, progress: float, plan_id: str = "") -> PickPla
 def hand_feedback_to_msg(phase: Phase, progress: float, plan_id: str = "") -> MoveHand.Feedback:
     """Return feedback of a goal of the hand; arguments as those of `feedback_to_msg`."""
     return MoveHand.Feedback(phase=int(phase), phase_name=phase.name, progress=float(progress), plan_id=plan_id)
-
-
-def camera_complaints(message: DiagnosticArray) -> list[str]:
-    """Return what perception refuses cameras for, in its words; empty where the message holds nothing of the kind."""
-    errors = [status for status in message.status if status.level == DiagnosticStatus.ERROR]
-    return [str(status.message) for status in errors if status.name.startswith(topics.CAMERA_STATUS)]
 
 
 def cloud_from_raw(raw: bytes, base_frame: str) -> npt.NDArray[np.float32]:

@@ -18,6 +18,7 @@ from cliport_core import topics
 from cliport_core.heartbeat import Heartbeat
 from cliport_core.messages import pose_from_transform_msg, stamp_from_msg
 from cliport_core.raw_header import header_of_raw
+from cliport_core.ros_camera_complaints import hear_camera_complaints
 from panda_executor import conversions
 from panda_executor.approvals import Approvals
 from panda_executor.camera_place import CameraPlace
@@ -88,7 +89,7 @@ class ExecutorNode(Node):
             callback_group=MutuallyExclusiveCallbackGroup(),
         )  # fmt: skip
         self.create_subscription(JointState, topics.JOINT_STATES, self._on_joints, best_effort, callback_group=data)
-        self.create_subscription(DiagnosticArray, topics.DIAGNOSTICS, self._on_report, 20, callback_group=data)
+        hear_camera_complaints(self, self._clouds.complain, data)
         self.create_subscription(String, topics.OWNER_HEARTBEAT, self._on_owner, 20, callback_group=data)
         latched = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self.create_subscription(TFMessage, topics.TF_STATIC, self._on_transforms, latched, callback_group=data)
@@ -132,10 +133,6 @@ class ExecutorNode(Node):
 
     def _on_camera_info(self, raw: bytes) -> None:
         self._camera.see(header_of_raw(raw)[1])
-
-    def _on_report(self, message: DiagnosticArray) -> None:
-        for words in conversions.camera_complaints(message):
-            self._clouds.complain(words, stamp_from_msg(message.header.stamp))
 
     def _report(self) -> None:
         now_ns = self._now_ns()

@@ -60,7 +60,7 @@ class Bench:
             monkeypatch.setattr(ExecutorNode, name, staticmethod(value))
         node.gate, node._joints, node._camera = Gate(), JointTracker(ARM, ("f",)), CameraPlace("base")
         node._owners = OwnerWatch(lambda: self.steady, 0.1)
-        clouds: Any = SimpleNamespace(put=lambda raw: None, age=lambda now_ns: 0.5)
+        clouds: Any = SimpleNamespace(put=lambda raw: None, complain=None, age=lambda now_ns: 0.5)
         controllers: Any = SimpleNamespace(
             arm_ready=True, gripper_ready=True, stop=lambda: None,
             pulse=SimpleNamespace(turn="a turn", is_alive="alive"),
@@ -96,14 +96,15 @@ def test_joint_states_and_signs_of_life_are_taken_note_of(bench: Bench) -> None:
 def test_what_perception_refuses_a_camera_for_reaches_the_clouds(bench: Bench) -> None:
     heard: list[tuple[str, int]] = []
     bench.node._clouds.complain = lambda *given: heard.append(given)  # type: ignore[method-assign]
+    bench.node._subscribe()
     statuses = [
         DiagnosticStatus(name="cliport_perception: camera", level=DiagnosticStatus.OK, message="fresh"),
         DiagnosticStatus(name="cliport_perception: camera 2", level=DiagnosticStatus.ERROR, message="it was moved"),
         DiagnosticStatus(name="cliport_perception: camera", level=DiagnosticStatus.STALE, message="late"),
         DiagnosticStatus(name="panda_executor: arm", level=DiagnosticStatus.ERROR, message="no arm"),
     ]
-    bench.node._on_report(DiagnosticArray(header=Header(stamp=stamp_to_msg(7 * S)), status=statuses))
-    assert heard == [("it was moved", 7 * S)]
+    bench.subscriptions["/diagnostics"][0](DiagnosticArray(header=Header(stamp=stamp_to_msg(7 * S)), status=statuses))
+    assert heard == [("perception refuses the camera's data: it was moved", 7 * S)]
 
 
 def test_the_camera_is_found_also_after_a_transform_that_is_none(bench: Bench) -> None:
@@ -208,7 +209,7 @@ def test_what_is_heard_and_how(bench: Bench) -> None:
         "/cliport/points": node._clouds.put,
         "/joint_states": node._on_joints,
         "/cliport/owner_heartbeat": node._on_owner,
-        "/diagnostics": node._on_report,
+        "/diagnostics": topics["/diagnostics"],
         "/tf_static": node._on_transforms,
         "/camera/color/camera_info": node._on_camera_info,
     }
