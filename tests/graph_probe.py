@@ -57,9 +57,13 @@ class GraphProbe(GraphClient):
         """Call one of the Trigger services; its message."""
         return str(self._call(self._triggers[name], Trigger.Request(), 5.0).message)
 
-    def set_sim_parameter(self, name: str, value: bool) -> None:
-        """Switch one of the simulator's faults on or off."""
-        parameter = Parameter(name=name, value=ParameterValue(type=ParameterType.PARAMETER_BOOL, bool_value=value))
+    def set_sim_parameter(self, name: str, value: bool | Sequence[float]) -> None:
+        """Switch one of the simulator's faults on or off, or give it its numbers."""
+        if isinstance(value, bool):
+            given = ParameterValue(type=ParameterType.PARAMETER_BOOL, bool_value=value)
+        else:
+            given = ParameterValue(type=ParameterType.PARAMETER_DOUBLE_ARRAY, double_array_value=list(value))
+        parameter = Parameter(name=name, value=given)
         response = self._call(self._parameters, SetParameters.Request(parameters=[parameter]), 5.0)
         assert response.results[0].successful, response.results[0].reason
 

@@ -11,6 +11,7 @@ import sys
 from pathlib import Path
 
 from cliport_benchmark.errors import BenchmarkError
+from cliport_benchmark.process_time import cpu_seconds
 
 _START_TIMEOUT_S = 180.0  # wait for its address at most; it may share one core with a graph that starts
 _END_TIMEOUT_S = 20.0  # wait for its end at most
@@ -58,8 +59,7 @@ class PageProcess:
 
     def cpu_seconds(self) -> float:
         """Return the time that it has used so far, of all cores [s]."""
-        fields = Path(f"/proc/{self._process.pid}/stat").read_text().rpartition(")")[2].split()
-        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+        return cpu_seconds(self._process.pid)
 
     def resident_mb(self) -> float:
         """Return the memory that it holds [MB]."""

@@ -252,6 +252,32 @@ def test_training(monkeypatch: pytest.MonkeyPatch) -> None:
     assert trained == [(16, 3, 12, 4), (8, 3, 0, 0)]
 
 
+def test_the_perception_node(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = {"rate": [9.9], "heightmap": [1.0, 2.0, 42.0], "cloud": [7.0], "cores": [0.5]}
+    monkeypatch.setattr("cliport_benchmark.bench_perception_node.node_figures", lambda task: found)
+    assert table(bench.bench_perception_node()) == [
+        ("perception_node_rate", 9.9, "Hz", 1),
+        ("perception_node_heightmap_age", 2.0, "ms", 3),
+        ("perception_node_heightmap_age_p95", 38.0, "ms", 1),
+        ("perception_node_cloud_age", 7.0, "ms", 1),
+        ("perception_node_cloud_age_p95", 7.0, "ms", 1),
+        ("perception_node_cpu_cores", 0.5, "cores", 1),
+    ]
+
+
+def test_a_serialized_message_gets_another_stamp_and_stays_the_same_beyond_it() -> None:
+    pytest.importorskip("sensor_msgs.msg")
+    from rclpy.serialization import deserialize_message, serialize_message
+    from sensor_msgs.msg import Image
+
+    from cliport_benchmark.bench_perception_node import stamped
+
+    raw = bytes(serialize_message(Image(encoding="rgb8", width=1, height=1, step=3, data=b"abc")))
+    image = deserialize_message(stamped(raw, 12_000_000_034), Image)
+    assert (image.header.stamp.sec, image.header.stamp.nanosec) == (12, 34)
+    assert (image.encoding, bytes(image.data)) == ("rgb8", b"abc")
+
+
 def test_each_group_has_a_name_and_two_are_measured_on_request() -> None:
-    assert set(bench.ON_REQUEST) < set(bench.BENCHES) and len(bench.BENCHES) == 8
+    assert set(bench.ON_REQUEST) < set(bench.BENCHES) and len(bench.BENCHES) == 9
     assert list(bench.versions()) == list(bench.PACKAGES) and all(bench.versions().values())

@@ -53,7 +53,7 @@ def decode_depth(image: ImageBuffer) -> npt.NDArray[np.float32]:
 
     Raises:
         EncodingError: unless the encoding is one of `DEPTH_ENCODINGS`.
-        ImageError: when the buffer is smaller than size and step say.
+        ImageError: when the buffer is smaller than size and step say, or all depth lies farther than any is used.
     """
     if image.encoding not in DEPTH_ENCODINGS:
         raise EncodingError("depth", image.encoding, DEPTH_ENCODINGS)
@@ -61,8 +61,22 @@ def decode_depth(image: ImageBuffer) -> npt.NDArray[np.float32]:
         depth = _pixels(image, np.dtype(np.uint16), 1)[..., 0].astype(np.float32) * np.float32(1e-3)
     else:
         depth = _pixels(image, np.dtype(np.float32), 1)[..., 0].astype(np.float32)
-    depth[~((depth > 0.0) & (depth < MAX_DEPTH_M))] = np.nan
+    used = (depth > 0.0) & (depth < MAX_DEPTH_M)
+    if not used.any():
+        _check_unit(depth)
+    depth[~used] = np.nan
     return depth
+
+
+def _check_unit(depth: npt.NDArray[np.float32]) -> None:
+    """Refuse depth (H, W), of which nothing is used, where its numbers are those of millimetres."""
+    known = depth[np.isfinite(depth) & (depth > 0.0)]
+    middle = float(np.median(known)) if known.size else 0.0
+    if MAX_DEPTH_M <= middle < 1e3 * MAX_DEPTH_M:
+        raise ImageError(
+            f"depth is {middle:.0f} m in the median, {MAX_DEPTH_M:.0f} m at most: is it in millimetres? 32FC1 must "
+            "hold metres"
+        )
 
 
 def _pixels(image: ImageBuffer, dtype: np.dtype[np.generic], channels: int) -> npt.NDArray[np.generic]:

@@ -20,6 +20,8 @@ DIAGNOSTICS = "/diagnostics"
 HEIGHTMAP = "/cliport/heightmap"
 POINTS = "/cliport/points"
 
+CAMERA_STATUS = "cliport_perception: camera"  # the name in diagnostics; of further cameras with their number behind it
+
 # the policy server
 INSTRUCTION = "/cliport/instruction"
 STATUS = "/cliport/status"

@@ -47,6 +47,14 @@ def test_everything_that_is_no_distance_becomes_nan() -> None:
     assert decoded[0, 6] == 1.5
 
 
+def test_millimetres_that_should_be_metres_are_named_and_filler_is_only_unknown() -> None:
+    depth = np.array([[np.nan, 0.0, 812.0, 905.4, 990.0]], dtype=np.float32)
+    with pytest.raises(ImageError, match=r"depth is 905 m in the median, 100 m at most: is it in millimetres\?"):
+        decode_depth(padded(depth, "32FC1"))
+    for unknown in (np.full((1, 3), np.float32(1e9)), np.zeros((1, 3), np.float32)):
+        assert np.isnan(decode_depth(padded(unknown, "32FC1"))).all()
+
+
 def test_unsupported_encodings_name_what_came_and_what_works() -> None:
     with pytest.raises(EncodingError, match="'mono8'; supported are rgb8, bgr8, rgba8, bgra8"):
         decode_color(padded(RGB[..., 0], "mono8"))

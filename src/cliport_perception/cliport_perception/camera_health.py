@@ -7,6 +7,8 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
+from itertools import pairwise
+from statistics import median
 
 from cliport_perception.errors import PerceptionError
 
@@ -80,6 +82,7 @@ def valid_fraction_fault(fraction: float, least: float) -> str | None:
         f"depth is valid in {100 * fraction:.1f} % of the workspace (at least {100 * least:.0f} % needed): is the "
         "camera's view blocked, or the calibration wrong?"
     )
+_LEAST_ARRIVALS = 4  # before anything is said of a rate
 
 
 class CameraHealth:
@@ -93,6 +96,8 @@ class CameraHealth:
         self._last_stamp_ns: int | None = None
         self._arrivals: deque[int] = deque(maxlen=20)
         self._fault: str | None = None
+        self._age_words: str | None = None  # of the last frame whose age was looked at
+        self._is_late = False  # the fault is a frame's age
         self._valid_fraction: float | None = None
         self._depth_noise: float | None = None
         self.served = 0
@@ -107,7 +112,8 @@ class CameraHealth:
             self._arrivals.clear()
         self._arrivals.append(now_ns)
         self._last_stamp_ns = stamp_ns
-        return self._age_fault(now_ns)
+        self._age_words = self._age_fault(now_ns)
+        return self._age_words
 
     def check_valid_fraction(self, fraction: float) -> str | None:
         """Note the share of the workspace that a frame shows; return why it must not be served, or None."""
@@ -128,6 +134,7 @@ class CameraHealth:
     def on_fault(self, message: str) -> None:
         """Note why a frame could not be served."""
         self._fault = message
+        self._is_late = message == self._age_words
 
     def on_served(self) -> None:
         """Note that a frame was served."""
@@ -140,14 +147,16 @@ class CameraHealth:
         missing = [topic for stream, topic in self._topics.items() if stream not in self._seen]
         if missing:
             return HealthReport(Level.ERROR, f"nothing received on {', '.join(missing)}", values)
-        age_fault = self._age_fault(now_ns)
+        age_fault, slow = self._age_fault(now_ns), self._too_slow(now_ns)
         if self._last_stamp_ns is None:
             names = " and ".join(self._topics.values())
             return HealthReport(Level.ERROR, self._fault or f"stamps of {names} never match", values)
+        if slow is not None and self._fault is None:
+            return HealthReport(Level.WARN, slow, values)
         if age_fault is not None:
             return HealthReport(Level.STALE, age_fault, values)
         if self._fault is not None:
-            return HealthReport(Level.ERROR, self._fault, values)
+            return HealthReport(Level.STALE if self._is_late else Level.ERROR, self._fault, values)
         if drops > self._limits.max_drop_fraction * max(1, matches + drops):
             return HealthReport(Level.WARN, f"{drops} images without a partner since the last report", values)
         return HealthReport(Level.OK, "camera data is fresh", values)
@@ -164,6 +173,23 @@ class CameraHealth:
                 "set use_sim_time alike on every node, and synchronise the clocks"
             )
         return None
+
+    def _too_slow(self, now_ns: int) -> str | None:
+        """Return what is wrong with a camera whose frames grow too old before the next one comes; None: it is quicker.
+
+        Nor is it slow, but silent, once the next one is overdue by another period.
+        """
+        arrivals = list(self._arrivals)
+        if len(arrivals) < _LEAST_ARRIVALS:
+            return None
+        period = median(b - a for a, b in pairwise(arrivals)) * 1e-9
+        limit = self._limits.max_age_s
+        if period < 0.8 * limit or (now_ns - arrivals[-1]) * 1e-9 > 2.0 * period:
+            return None
+        return (
+            f"the camera is slow, a frame every {period:.1f} s, which is too old after {limit:.1f} s: what is seen is "
+            "acted on only just after a frame; raise the camera's rate, or max_age"
+        )
 
     def _values(self, now_ns: int, drops: int) -> dict[str, str]:
         values = {"served": str(self.served), "unmatched_images": str(drops)}

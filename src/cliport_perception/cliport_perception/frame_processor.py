@@ -16,6 +16,7 @@ from cliport_perception.camera_model import CameraModel
 from cliport_perception.clouds import MARGIN, CloudBuilder, CloudRegion
 from cliport_perception.depth_correction import AS_MEASURED, DepthCorrection
 from cliport_perception.depth_noise import DepthNoise
+from cliport_perception.depth_unit import DepthUnit
 from cliport_perception.errors import UnfitFrameError
 from cliport_perception.heightmap_builder import HeightmapBuilder
 from cliport_perception.table_watch import TableLimits, TableWatch
@@ -94,7 +95,8 @@ class FrameProcessor:
             fault = self._table.check(depth_m)
             self._adapt(self._table.noise, to_heightmap)
             _refuse(fault or self._health.check_noise(self._table.noise.sigma))
-        _refuse(self._health.check_valid_fraction(heightmap.valid_fraction))
+        unseen = self._health.check_valid_fraction(heightmap.valid_fraction)
+        _refuse(unseen and (DepthUnit(camera, camera_in_base, self._workspace).fault(depth_m) or unseen))
         cloud = None
         if self._points_rate.is_due(stamp_ns):
             cloud = to_cloud.build(color, depth_m)

@@ -33,7 +33,6 @@ from cliport_perception.node_camera import CameraSettings, CameraStream
 from cliport_perception.table_watch import TableLimits
 from panda_model.ros_parameters import declare_base_frame, declare_robot
 
-STATUS_NAME = "cliport_perception: camera"
 LOG_PERIOD_S = 10.0  # an unchanged fault is logged this often
 PATIENCE = 3  # reports before the first complaint: nodes start in any order
 _MOST_CAMERAS = 9
@@ -137,7 +136,7 @@ class PerceptionNode(Node):
                 self._complain(f"camera{which}: {words}" if which else words, throttle)
             elif not report.level and throttle.reset():
                 self.get_logger().info(f"camera{which} data is fresh again")
-            self._diagnostics.publish(conversions.diagnostics_to_msg(f"{STATUS_NAME}{which}", report, now_ns))
+            self._diagnostics.publish(conversions.diagnostics_to_msg(f"{topics.CAMERA_STATUS}{which}", report, now_ns))
 
     def _complain(self, message: str, throttle: MessageThrottle | None = None) -> None:
         if (throttle or self._throttles[0]).passes(message, time.monotonic()):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from importlib.util import find_spec
 from typing import NamedTuple
 
@@ -18,6 +19,7 @@ from cliport_perception.calibration.view import fit_view
 
 # the logic is tested without any build; these need the built messages
 NEED_MESSAGES = [
+    "test_bad_input.py",
     "test_calibration_compressed.py",
     "test_calibration_lens_nodes.py",
     "test_calibration_moves.py",
@@ -67,6 +69,17 @@ def cast(boxes: list[Box], camera: CameraModel, camera_in_base: Pose) -> Scene:
         color[nearer] = box.color
     depth[~np.isfinite(depth)] = np.nan
     return Scene(color, depth.astype(np.float32), camera, camera_in_base)
+
+
+@pytest.fixture
+def ros() -> Iterator[None]:
+    """ROS in a domain of the test's own."""
+    import rclpy
+    from ros_domain import next_domain
+
+    rclpy.init(domain_id=next_domain())
+    yield
+    rclpy.try_shutdown()
 
 
 @pytest.fixture(scope="session")

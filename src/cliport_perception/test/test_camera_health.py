@@ -7,12 +7,12 @@ TOPICS = {"color": "/c", "depth": "/d", "camera_info": "/i"}
 S = 1_000_000_000
 
 
-def healthy(now_s: int = 100) -> CameraHealth:
+def healthy(now_s: int = 100, period_ns: int = S // 10) -> CameraHealth:
     health = CameraHealth(TOPICS, HealthLimits())
     for stream in TOPICS:
         health.on_message(stream)
     for i in range(5):
-        now = (now_s - 4 + i) * S
+        now = now_s * S - (4 - i) * period_ns
         assert health.check_age(now - S // 10, now) is None
         assert health.check_valid_fraction(0.9) is None
         health.on_served()
@@ -42,9 +42,21 @@ def test_fresh_data_is_ok_with_figures() -> None:
         "served": "5",
         "unmatched_images": "0",
         "age_s": "0.100",
-        "rate_hz": "1.00",
+        "rate_hz": "10.00",
         "valid_fraction": "0.900",
     }
+
+
+def test_a_frame_that_only_came_late_is_stale_and_anything_else_an_error() -> None:
+    health = healthy()
+    late = health.check_age(98 * S, 100 * S)
+    assert late is not None
+    health.on_fault(late)
+    assert health.check_age(100 * S, 100 * S) is None  # in time, but none was due
+    report = health.report(100 * S, 5, 0)
+    assert (report.level, report.message) == (Level.STALE, late)
+    health.on_fault("the camera was moved")
+    assert health.report(100 * S, 5, 0).level == Level.ERROR
 
 
 def test_a_frozen_camera_turns_stale_and_recovers() -> None:
@@ -55,6 +67,24 @@ def test_a_frozen_camera_turns_stale_and_recovers() -> None:
     assert health.check_age(103 * S, 103 * S) is None
     health.on_served()
     assert health.report(103 * S, 1, 0).level == Level.OK
+
+
+def test_a_camera_of_one_hertz_is_one_steady_warning_between_its_frames_too() -> None:
+    health = healthy(period_ns=S)
+    for late in (0, S // 2, S, 3 * S // 2):
+        report = health.report(100 * S + late, 1, 0)
+        assert report.level == Level.WARN
+        assert report.message == (
+            "the camera is slow, a frame every 1.0 s, which is too old after 1.0 s: what is seen is acted on only just "
+            "after a frame; raise the camera's rate, or max_age"
+        )
+    assert health.report(103 * S, 0, 0).level == Level.STALE, "it fell silent"
+    assert healthy(period_ns=7 * S // 10).report(100 * S, 1, 0).level == Level.OK
+    health = healthy(period_ns=S)
+    reason = health.check_age(160 * S, 101 * S)
+    assert reason is not None
+    health.on_fault(reason)
+    assert health.report(101 * S, 1, 0).message == reason, "what is worse than slow is said first"
 
 
 def test_an_old_frame_is_refused_on_arrival() -> None:

@@ -54,6 +54,20 @@ def test_old_frames_and_empty_depth_are_refused(box_scene) -> None:
     assert processor.admits(0, 0)  # the refused frame did not use up the rate
 
 
+@pytest.mark.parametrize(("factor", "words"), [(0.001, "0.001"), (10.0, "10"), (4.0, "4")])
+def test_depth_in_another_unit_is_named(box_scene, factor: float, words: str) -> None:
+    depth = (box_scene.depth * np.float32(factor)).astype(np.float32)
+    with pytest.raises(UnfitFrameError, match=f"depth is about {words} times what this camera, as calibrated, sees"):
+        make().process(box_scene.color, depth, box_scene.camera, box_scene.camera_in_base, 0)
+
+
+@pytest.mark.parametrize("distance", [0.08, 0.1, 0.3])
+def test_something_before_the_camera_is_no_unit(box_scene, distance: float) -> None:
+    depth = np.full_like(box_scene.depth, np.float32(distance))
+    with pytest.raises(UnfitFrameError, match="is the camera's view blocked"):
+        make().process(box_scene.color, depth, box_scene.camera, box_scene.camera_in_base, 0)
+
+
 def test_a_moved_camera_is_followed(box_scene, cast_scene) -> None:
     processor = make(0.0, 0.0)
     first = processor.process(*box_scene, 0).heightmap

@@ -1,11 +1,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
 
 from cliport_core import ImageError, Pose, WorkspaceSpec
+from cliport_core.heightmap import Heightmap
 from cliport_perception import CameraModel, HeightmapBuilder, heightmap_from_rgbd
 
 WORKSPACE = WorkspaceSpec()
@@ -206,6 +208,47 @@ def test_the_order_of_the_pixels_does_not_matter(box_scene) -> None:
     both = upright.valid & other.valid
     assert np.abs(upright.height - other.height)[both].max() < 0.02  # samples between pixels lie elsewhere
     assert np.abs(upright.height - other.height)[both].mean() < 1e-4
+
+
+class ShuffledCamera(NamedTuple):
+    """A camera whose pixels look in the directions (H, W, 3) of another's, in any order."""
+
+    directions: np.ndarray
+
+    @property
+    def height(self) -> int:
+        return self.directions.shape[0]
+
+    @property
+    def width(self) -> int:
+        return self.directions.shape[1]
+
+    def rays(self) -> np.ndarray:
+        return self.directions
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_any_order_of_the_points_gives_the_same_heightmap(cast_scene, camera_in_base, seed: int) -> None:
+    """Points alone, for what lies between two pixels depends on which are neighbours."""
+    rng, lens = np.random.default_rng(seed), CameraModel(480, 270, 270.0, 270.0, 240.0, 135.0)
+    scene = cast_scene(lens, camera_in_base)
+    depth = (scene.depth + rng.normal(0.0, 0.003, scene.depth.shape)).astype(np.float32)
+    depth[rng.random(depth.shape) < 0.05] = np.nan
+    color = rng.integers(0, 256, scene.color.shape, dtype=np.uint8)
+    order = rng.permutation(depth.size)
+
+    def made(order: np.ndarray) -> Heightmap:
+        rays, colors, depths = (
+            image.reshape(depth.size, -1)[order].reshape(image.shape) for image in (lens.rays(), color, depth)
+        )
+        shuffled: Any = ShuffledCamera(rays)
+        return HeightmapBuilder(shuffled, camera_in_base, WORKSPACE, max_depth_step=-1.0).build(colors, depths)
+
+    one, other = made(np.arange(depth.size)), made(order)
+    assert 0.1 < one.valid_fraction < 1.0
+    np.testing.assert_array_equal(one.valid, other.valid)
+    np.testing.assert_array_equal(one.height, other.height)
+    assert (one.color != other.color).any(axis=-1).mean() < 0.01, "of two equally high points either may show"
 
 
 def splatted(color: np.ndarray, depth: np.ndarray, builder: HeightmapBuilder) -> tuple[np.ndarray, np.ndarray]:

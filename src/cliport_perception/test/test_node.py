@@ -13,7 +13,6 @@ from geometry_msgs.msg import TransformStamped
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
-from ros_domain import next_domain
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image, PointCloud2
 from tf2_msgs.msg import TFMessage
 
@@ -94,13 +93,6 @@ class FakeCamera:
 
 
 @pytest.fixture
-def ros() -> Iterator[None]:
-    rclpy.init(domain_id=next_domain())
-    yield
-    rclpy.try_shutdown()
-
-
-@pytest.fixture
 def fake(ros: None, box_scene) -> Iterator[FakeCamera]:
     camera = FakeCamera(box_scene)
     yield camera
@@ -124,13 +116,17 @@ def test_fresh_frames_are_served_once_the_camera_is_placed(fake: FakeCamera) -> 
 
 @pytest.mark.parametrize(
     ("fault", "level", "text"),
-    [({"age_s": 2.5}, 3, "s old (limit 1.0 s)"), ({"depth": np.nan}, 2, "depth is valid in 0.0 %"),
+    [({"age_s": 2.5}, 3, "s old (limit 1.0 s)"),
+     ({"depth": lambda depth: depth * np.nan}, 2, "depth is valid in 0.0 %"),
      ({"color_encoding": "yuv422"}, 2, "encoding 'yuv422'; supported are rgb8"),
-     ({"frame": "depth_frame"}, 2, "use aligned depth")],
+     ({"frame": "depth_frame"}, 2, "use aligned depth"),
+     ({"depth": lambda depth: depth[::2, ::2]}, 2, "depth image is (270, 480), the camera model says (540, 960)"),
+     ({"depth": lambda depth: 10.0 * depth}, 2, "depth is about 10 times what this camera, as calibrated, sees"),
+     ({"depth": lambda depth: 1e3 * depth}, 2, "m in the median, 100 m at most: is it in millimetres?")],
 )  # fmt: skip
 def test_unfit_frames_are_reported_and_not_served(fake: FakeCamera, fault: dict, level: int, text: str) -> None:
     if "depth" in fault:
-        fault = {"depth": np.full_like(fake.scene.depth, np.nan)}
+        fault = {"depth": np.ascontiguousarray(fault["depth"](fake.scene.depth), dtype=np.float32)}
     fake.publish_tf()
     assert fake.until(fake.reported(level, text), **fault)
     assert not fake.heightmaps

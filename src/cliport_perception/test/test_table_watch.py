@@ -61,6 +61,27 @@ def test_a_bump_of_one_centimetre_and_one_degree_is_noticed_in_three_frames(
     assert table.check(noisy(before, rng)) is None, "it was put back"
 
 
+@pytest.mark.soak
+@pytest.mark.timeout(3600)
+def test_what_is_not_noticed_leaves_the_plane_where_it_is(cast_scene) -> None:
+    place, missed = Pose.looking_at((0.92, 0.0, 0.87), (0.45, 0.0, 0.0)), 0
+    before = cast_scene(SMALL, place).depth
+    for seed in range(1000, 3000):
+        rng = np.random.default_rng(seed)
+        table = watch(place)
+        for _ in range(TableLimits().first_frames):
+            assert table.check(noisy(before, rng)) is None
+        after = cast_scene(SMALL, moved(place, rng, 0.01, math.radians(1.0))).depth
+        if not [words for words in (table.check(noisy(after, rng)) for _ in range(3)) if words]:
+            missed += 1
+            first, now = watch(place).measure(before), watch(place).measure(after)
+            assert first is not None and now is not None
+            shift, tilt = now.shift_from(first)
+            assert shift < 0.0035 and tilt < math.radians(0.25), "the limits, and the noise"
+    print(f"{missed} of 2000 bumps were not noticed")
+    assert missed < 40
+
+
 @pytest.mark.parametrize(("up", "turn"), [(-0.05, 0.0), (-0.15, 0.0), (0.1, 0.0), (0.0, 6.0), (-0.03, 12.0)])
 def test_a_camera_that_moved_far_is_noticed_too(cast_scene, camera_in_base: Pose, up: float, turn: float) -> None:
     table = watch(camera_in_base)

@@ -19,6 +19,7 @@ from cliport_core.action import ActionGoal
 from cliport_core.errors import CoreError
 from cliport_core.messages import heightmap_from_msg, stamp_from_msg, status_to_msg
 from cliport_core.policy_state import PolicyState, ServerStatus
+from cliport_core.ros_camera_complaints import hear_camera_complaints
 from cliport_core.ros_running import run_node
 from cliport_core.ros_spin_queue import SpinQueue
 from cliport_interfaces.msg import Heightmap as HeightmapMsg
@@ -65,6 +66,7 @@ class PolicyServerNode(Node):
         self._executor_link.attach(self._server)
         self.create_subscription(String, topics.INSTRUCTION, self._on_instruction, 10)
         self.create_subscription(HeightmapMsg, topics.HEIGHTMAP, self._on_heightmap, 2)
+        hear_camera_complaints(self, self._server.on_complaint)
         services: dict[str, Callable[[], Answer]] = {
             topics.STOP: lambda: self._server.stop(self._now()),
             topics.RESUME: self._server.resume,
@@ -74,8 +76,7 @@ class PolicyServerNode(Node):
         self.create_service(ApprovePlan, topics.APPROVE, self._on_approve)
         self.create_service(LoadPolicy, topics.LOAD_POLICY, self._on_load)
         # wall time: nothing may hang when simulated time stands still
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(TICK_S, self._tick, clock=steady)
+        self.create_timer(TICK_S, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._server.announce()
 
     def close(self) -> None:

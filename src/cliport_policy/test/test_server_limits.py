@@ -138,6 +138,22 @@ def test_the_camera_is_waited_for_to_the_last_moment(wait: float, state: PolicyS
     assert (world.state, world.message) == (state, said)
 
 
+def test_what_perception_refuses_the_camera_for_is_said_until_it_sees_again() -> None:
+    said = []
+    for seen_later in (False, True):
+        world = World()
+        world.server.on_complaint("perception refuses\nthe camera's data", world.now.ros_ns)
+        if seen_later:
+            world.server.on_observation(world.now.ros_ns + 1, "it sees again", world.now)
+        later = Moment(world.now.wall + 1.0, world.now.ros_ns + 90 * S)
+        world.server.on_instruction("put the red block in the bowl", later)
+        world.server.tick(Moment(later.wall + 3.0, later.ros_ns))
+        assert world.state == PolicyState.FAILED
+        said.append(world.message)
+    assert said[0] == "no fresh heightmap for 3.0 s: perception refuses the camera's data"
+    assert said[1].startswith("no fresh heightmap for 3.0 s: is the camera running?")
+
+
 @pytest.mark.parametrize(("wait", "state"), [(29.9, PolicyState.PROPOSING), (30.0, PolicyState.FAILED)])
 def test_the_policy_is_waited_for_to_the_last_moment(wait: float, state: PolicyState) -> None:
     world = thinking()

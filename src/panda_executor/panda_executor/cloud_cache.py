@@ -34,11 +34,17 @@ class CloudCache:
         self._lock = threading.Lock()
         self._raw: bytes | None = None
         self._stamp_ns = 0
+        self._complaint, self._complaint_ns = "", 0
 
     def put(self, raw: bytes) -> None:
         """Take note of a serialized PointCloud2."""
         with self._lock:
             self._raw, self._stamp_ns = raw, stamp_of_raw(raw)
+
+    def complain(self, words: str, stamp_ns: int) -> None:
+        """Take note of what perception finds wrong with the camera's data: no older cloud is given out."""
+        with self._lock:
+            self._complaint, self._complaint_ns = words, stamp_ns
 
     def age(self, now_ns: int) -> float:
         """Return the age of the newest cloud [s], infinite when there is none."""
@@ -49,7 +55,12 @@ class CloudCache:
         """Return the newest cloud, serialized, whatever it shows; None where none came lately."""
         with self._lock:
             age = (now_ns - self._stamp_ns) * 1e-9
-            return self._raw if -self._max_ahead <= age <= self._max_age else None
+            fit = -self._max_ahead <= age <= self._max_age and not self._complained(now_ns)
+            return self._raw if fit else None
+
+    def _complained(self, now_ns: int) -> str:
+        """Return the complaint if it is younger than the newest cloud; one from the future is of another clock."""
+        return self._complaint if self._stamp_ns < self._complaint_ns <= now_ns + self._max_ahead * 1e9 else ""
 
     def get(self, now_ns: int, goal_stamp_ns: int, still_since_ns: int) -> bytes:
         """Return the newest cloud, serialized, if it shows the table as it is now.
@@ -59,10 +70,12 @@ class CloudCache:
             still_since_ns: when the arm last came to rest; before that it stood in the view.
 
         Raises:
-            RequestError: when there is none, or it is too old; says by how much.
+            RequestError: when there is none, or it is too old; says by how much. When perception has complained since.
         """
         with self._lock:
-            raw, stamp_ns = self._raw, self._stamp_ns
+            raw, stamp_ns, complaint = self._raw, self._stamp_ns, self._complained(now_ns)
+        if complaint:
+            raise RequestError(complaint, Refusal.NO_CLOUD)
         if raw is None:
             raise RequestError(
                 f"no point cloud has arrived on {topics.POINTS}; is perception running?", Refusal.NO_CLOUD

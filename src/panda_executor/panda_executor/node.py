@@ -18,6 +18,7 @@ from cliport_core import topics
 from cliport_core.heartbeat import Heartbeat
 from cliport_core.messages import pose_from_transform_msg, stamp_from_msg
 from cliport_core.raw_header import header_of_raw
+from cliport_core.ros_camera_complaints import hear_camera_complaints
 from panda_executor import conversions
 from panda_executor.approvals import Approvals
 from panda_executor.camera_place import CameraPlace
@@ -88,6 +89,7 @@ class ExecutorNode(Node):
             callback_group=MutuallyExclusiveCallbackGroup(),
         )  # fmt: skip
         self.create_subscription(JointState, topics.JOINT_STATES, self._on_joints, best_effort, callback_group=data)
+        hear_camera_complaints(self, self._clouds.complain, data)
         self.create_subscription(String, topics.OWNER_HEARTBEAT, self._on_owner, 20, callback_group=data)
         latched = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self.create_subscription(TFMessage, topics.TF_STATIC, self._on_transforms, latched, callback_group=data)

@@ -73,6 +73,23 @@ def test_a_cloud_may_be_a_little_behind_when_told_so() -> None:
         cache.get(round(10.7 * S), round(10.6 * S), 0)
 
 
+def test_no_cloud_from_before_perceptions_complaint_is_given_out() -> None:
+    cache = CloudCache(max_age=10.0)
+    cache.complain("the camera was moved", 9 * S)
+    with pytest.raises(RequestError, match="the camera was moved"):
+        cache.get(10 * S, 0, 0)
+    cache.put(raw(10.0))
+    assert cache.get(11 * S, 0, 0) == raw(10.0) == cache.newest(11 * S)
+    cache.complain("the camera was moved", 11 * S)
+    assert cache.newest(11 * S) is None
+    with pytest.raises(RequestError, match="the camera was moved"):
+        cache.get(12 * S, 0, 0)
+    cache.put(raw(11.5))
+    assert cache.get(12 * S, 0, 0) == raw(11.5), "the camera was put back"
+    cache.complain("by another clock", 900 * S)
+    assert cache.get(12 * S, 0, 0) == raw(11.5) == cache.newest(12 * S)
+
+
 @pytest.fixture
 def tracker() -> JointTracker:
     joints = JointTracker(ARM, FINGERS)

@@ -10,13 +10,14 @@ import pytest
 
 pytest.importorskip("cliport_interfaces.action")
 
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import TransformStamped
 from rclpy.action import CancelResponse, GoalResponse
 from rclpy.clock_type import ClockType
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import CameraInfo, JointState
-from std_msgs.msg import String
+from std_msgs.msg import Header, String
 from tf2_msgs.msg import TFMessage
 
 from cliport_core.messages import pose_to_transform_msg, stamp_from_msg, stamp_to_msg
@@ -59,7 +60,7 @@ class Bench:
             monkeypatch.setattr(ExecutorNode, name, staticmethod(value))
         node.gate, node._joints, node._camera = Gate(), JointTracker(ARM, ("f",)), CameraPlace("base")
         node._owners = OwnerWatch(lambda: self.steady, 0.1)
-        clouds: Any = SimpleNamespace(put=lambda raw: None, age=lambda now_ns: 0.5)
+        clouds: Any = SimpleNamespace(put=lambda raw: None, complain=None, age=lambda now_ns: 0.5)
         controllers: Any = SimpleNamespace(
             arm_ready=True, gripper_ready=True, stop=lambda: None,
             pulse=SimpleNamespace(turn="a turn", is_alive="alive"),
@@ -90,6 +91,20 @@ def test_joint_states_and_signs_of_life_are_taken_note_of(bench: Bench) -> None:
         bench.steady += 0.05
         bench.node._on_owner(String(data="me"))
         assert not bench.node._owners.is_silent("me")
+
+
+def test_what_perception_refuses_a_camera_for_reaches_the_clouds(bench: Bench) -> None:
+    heard: list[tuple[str, int]] = []
+    bench.node._clouds.complain = lambda *given: heard.append(given)  # type: ignore[method-assign]
+    bench.node._subscribe()
+    statuses = [
+        DiagnosticStatus(name="cliport_perception: camera", level=DiagnosticStatus.OK, message="fresh"),
+        DiagnosticStatus(name="cliport_perception: camera 2", level=DiagnosticStatus.ERROR, message="it was moved"),
+        DiagnosticStatus(name="cliport_perception: camera", level=DiagnosticStatus.STALE, message="late"),
+        DiagnosticStatus(name="panda_executor: arm", level=DiagnosticStatus.ERROR, message="no arm"),
+    ]
+    bench.subscriptions["/diagnostics"][0](DiagnosticArray(header=Header(stamp=stamp_to_msg(7 * S)), status=statuses))
+    assert heard == [("perception refuses the camera's data: it was moved", 7 * S)]
 
 
 def test_the_camera_is_found_also_after_a_transform_that_is_none(bench: Bench) -> None:
@@ -194,6 +209,7 @@ def test_what_is_heard_and_how(bench: Bench) -> None:
         "/cliport/points": node._clouds.put,
         "/joint_states": node._on_joints,
         "/cliport/owner_heartbeat": node._on_owner,
+        "/diagnostics": topics["/diagnostics"],
         "/tf_static": node._on_transforms,
         "/camera/color/camera_info": node._on_camera_info,
     }
@@ -202,7 +218,7 @@ def test_what_is_heard_and_how(bench: Bench) -> None:
     for name in ("/joint_states", "/camera/color/camera_info"):
         assert qos[name].reliability == ReliabilityPolicy.BEST_EFFORT
     assert qos["/tf_static"].durability == DurabilityPolicy.TRANSIENT_LOCAL and qos["/tf_static"].depth == 100
-    assert qos["/cliport/owner_heartbeat"] == 20
+    assert qos["/cliport/owner_heartbeat"] == qos["/diagnostics"] == 20
     raw = {topic for topic, (_, _, named) in bench.subscriptions.items() if named.get("raw")}
     assert raw == {"/cliport/points", "/camera/color/camera_info"}
     groups = {topic: named["callback_group"] for topic, (_, _, named) in bench.subscriptions.items()}

@@ -84,7 +84,8 @@ class CameraPublisher:
                     self._logger.error(f"no image: {error}", throttle_duration_sec=5.0)
 
     def _publish(self, snapshot: WorldSnapshot) -> None:
-        frame = self._camera.capture(cast(SimWorld, snapshot), self._rng)
+        where = self._faults.true_pose(self._camera.camera_in_base)
+        frame = self._camera.capture(cast(SimWorld, snapshot), self._rng, true_camera_in_base=where)
         depth = np.full_like(frame.depth, np.nan) if self._faults.depth_lost else frame.depth
         if self._faults.camera_frozen or self._stopping.is_set():
             return

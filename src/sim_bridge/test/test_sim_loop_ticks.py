@@ -132,6 +132,27 @@ def test_joints_and_clock_are_said_with_their_time() -> None:
     assert (place.x, place.y, place.z, transform.header.stamp.sec) == (0.4, 0.1, 1.0, 0)
 
 
+def test_a_bumped_camera_is_turned_about_itself_and_shifted_and_other_numbers_are_refused() -> None:
+    hooks: list[Any] = []
+    node: Any = SimpleNamespace(
+        declare_parameter=lambda name, value, descriptor: SimpleNamespace(value=value),
+        add_on_set_parameters_callback=hooks.append,
+    )
+    faults = FaultInjection(node, SimpleNamespace(every=lambda *given: None))  # type: ignore[arg-type]
+    told = Pose.from_xyz_rpy((0.4, 0.1, 1.0), (2.0, 0.3, 0.1))
+    assert faults.true_pose(told).as_matrix().tobytes() == told.as_matrix().tobytes(), "recorded scores depend on it"
+    given = SimpleNamespace(name="bump_camera", value=[0.01, 0.0, -0.02, 0.0, 0.0, 0.5])
+    assert hooks[0]([given]).successful
+    true = faults.true_pose(told)
+    np.testing.assert_allclose(true.translation, (0.41, 0.1, 0.98))
+    turned = Pose.from_xyz_rpy((0.0, 0.0, 0.0), (0.0, 0.0, 0.5)).rotation @ told.rotation
+    np.testing.assert_allclose(true.rotation, turned, atol=1e-12)
+    for value in ([0.0] * 5, [0.0, 0.0, float("nan"), 0.0, 0.0, 0.0]):
+        answer = hooks[0]([SimpleNamespace(name="bump_camera", value=value)])
+        assert not answer.successful and answer.reason.startswith("bump_camera must be six finite numbers, got [0.0, ")
+    assert faults.true_pose(told).is_close(true)
+
+
 def test_one_trajectory_is_aborted_on_its_way_and_the_next_is_not() -> None:
     held: list[str] = []
     ticks: list[Any] = []

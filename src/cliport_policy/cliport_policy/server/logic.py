@@ -19,7 +19,7 @@ from cliport_policy.errors import PolicyError
 from cliport_policy.inference import Inference
 from cliport_policy.server.goal_tracker import GoalPhase, GoalTracker
 from cliport_policy.server.types import BUSY, TRY_AGAIN, Answer, ExecutorPort, Moment, ServerConfig, ServerEffects
-from cliport_policy.server.wording import NOT_RESUMED, NOT_TOLD, STOPPED, ended_words, excerpt, one_line
+from cliport_policy.server.wording import NOT_RESUMED, NOT_TOLD, STOPPED, ended_words, excerpt, one_line, unseen_words
 
 _CLOCK_RESET_NS = 10_000_000_000  # ROS time this far before what was waited for has been set back
 
@@ -46,6 +46,7 @@ class PolicyServer:
         self._deadline: float | None = None  # of the current state, wall clock
         self._earliest_ns = 0  # observations taken before this show the past
         self._latest: tuple[int, Any] | None = None  # (stamp_ns, observation)
+        self._complaint = 0, ""  # of perception: (ROS time [ns], words)
         self._observed_ns = 0  # stamp of the observation being worked on
         self._proposal: ActionGoal | None = None
         self._misses = 0
@@ -148,6 +149,10 @@ class PolicyServer:
         self._latest = stamp_ns, observation
         self._use_observation(now)
 
+    def on_complaint(self, words: str, stamp_ns: int) -> None:
+        """Note why perception made no heightmap at a time."""
+        self._complaint = stamp_ns, words
+
     def on_proposal(self, token: int, inference: Inference, now: Moment) -> None:
         """Take the policy's answer."""
         if token != self._token or self._status.state != PolicyState.PROPOSING:
@@ -231,10 +236,9 @@ class PolicyServer:
         if self._deadline is None or now.wall < self._deadline or self._goal.phase != GoalPhase.NONE:
             return
         if state == PolicyState.OBSERVING:
-            self._fail(
-                f"no fresh heightmap for {config.observation_timeout:.1f} s: is the camera running? "
-                f"(topic {topics.HEIGHTMAP})"
-            )
+            at_ns, complaint = self._complaint
+            is_newer = self._latest is None or at_ns > self._latest[0]
+            self._fail(unseen_words(config.observation_timeout, complaint if is_newer else ""))
         elif state == PolicyState.PROPOSING:
             self._fail(f"the policy gave no answer within {config.inference_timeout:.0f} s")
 

@@ -18,6 +18,12 @@ def ended_words(instruction: str, was_busy: bool) -> str:
     return f"nothing to do: the instruction is {said}"
 
 
+def unseen_words(seconds: float, complaint: str) -> str:
+    """Return why there is nothing to act on after so long a wait; complaint: of perception, maybe empty."""
+    why = one_line(complaint) or f"is the camera running? (topic {topics.HEIGHTMAP})"
+    return f"no fresh heightmap for {seconds:.1f} s: {why}"
+
+
 def excerpt(text: str) -> str:
     """Return the beginning of a text on one line."""
     return one_line(text[:_SHOWN]) + "..." if len(text) > _SHOWN else one_line(text)
