@@ -74,6 +74,9 @@ class HealthReport:
     values: dict[str, str] = field(default_factory=dict)
 
 
+_LEAST_ARRIVALS = 4  # before anything is said of a rate
+
+
 def valid_fraction_fault(fraction: float, least: float) -> str | None:
     """Return why a view with this share of the workspace seen must not be acted on, or None."""
     if fraction >= least:
@@ -82,7 +85,6 @@ def valid_fraction_fault(fraction: float, least: float) -> str | None:
         f"depth is valid in {100 * fraction:.1f} % of the workspace (at least {100 * least:.0f} % needed): is the "
         "camera's view blocked, or the calibration wrong?"
     )
-_LEAST_ARRIVALS = 4  # before anything is said of a rate
 
 
 class CameraHealth:
