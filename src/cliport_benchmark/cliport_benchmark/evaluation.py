@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from cliport_benchmark.agents import BLIND
 from cliport_benchmark.doubts import doubts_about
@@ -16,6 +16,7 @@ from cliport_benchmark.own_setup import condition_words, set_up_words
 from cliport_benchmark.paper_scores import ABLATION_TABLE, DEMO_VAL_TABLE, TEST_TABLE, VAL_TABLE
 from sim_bridge.tasks import ALIASES, DEMO_TASKS, LANGUAGE_SPLITS, is_known
 
+Number = TypeVar("Number", int, float)
 _GOOGLE_OBJECTS = "google "  # prefix of the names of sets of Google Scanned Objects
 LANGUAGE_BLIND = "language-blind, manually perfect"  # the column of the blind agent
 _EVERYDAY = "google-objects"  # part of the names of the tasks that show them
@@ -117,11 +118,11 @@ def read_evaluation(path: Path) -> Evaluation:
             bool(set_up_words(values)),
             _seeds(values),
             str(values.get("commit", "")),
-            _known(values, "redrawn"),
-            _known(values, "broken"),
-            values.get("chance"),
+            _known(values, "redrawn", int),
+            _known(values, "broken", int),
+            _known(values, "chance", float),
             values["checkpoint"] == BLIND,
-            values.get("mean_score_with_next"),
+            _known(values, "mean_score_with_next", float),
         )
         valid = is_known(task) and (score is None or 0.0 <= score <= 100.0)
     except (KeyError, TypeError, ValueError) as error:
@@ -171,8 +172,8 @@ def _agent(values: dict[str, Any]) -> str:
     return text + condition_words(values)
 
 
-def _known(values: dict[str, Any], name: str) -> int | None:
-    return None if values.get(name) is None else int(values[name])
+def _known(values: dict[str, Any], name: str, kind: Callable[[Any], Number]) -> Number | None:
+    return None if values.get(name) is None else kind(values[name])
 
 
 def _seeds(values: dict[str, Any]) -> str:
