@@ -19,6 +19,7 @@ from cliport_perception.depth_noise import DepthNoise
 from cliport_perception.depth_unit import DepthUnit
 from cliport_perception.errors import UnfitFrameError
 from cliport_perception.heightmap_builder import HeightmapBuilder
+from cliport_perception.surroundings_watch import SurroundingsWatch
 from cliport_perception.table_watch import TableLimits, TableWatch
 from cliport_perception.temporal_filter import TemporalFilter
 
@@ -38,7 +39,8 @@ class FrameProcessor:
     """Keeps the rays of the current camera and pose, and the rates: heightmap_hz and points_hz at most.
 
     points_margin: how far beyond the workspace the cloud reaches [m]. table: how far the table may seem to move, which
-    means that the camera did; None: it is not watched. depth_frames: over which depth is averaged.
+    means that the camera did; None: it is not watched. depth_frames: over which depth is averaged. max_picture_motion:
+    how far what lies around the workspace may, as a share of the picture's width; 0: it is not watched.
     """
 
     def __init__(
@@ -50,6 +52,7 @@ class FrameProcessor:
         points_margin: float = MARGIN,
         table: TableLimits | None = None,
         depth_frames: int = 1,
+        max_picture_motion: float = 0.0,
     ) -> None:
         self._workspace = workspace
         self._region = CloudRegion.around(workspace, points_margin)
@@ -58,7 +61,9 @@ class FrameProcessor:
         self._points_rate = _Rate(points_hz)
         self._table_limits = table
         self._filter = TemporalFilter(depth_frames)
+        self._max_picture_motion = max_picture_motion
         self._table: TableWatch | None = None
+        self._surroundings: SurroundingsWatch | None = None
         self._builders: tuple[HeightmapBuilder, CloudBuilder] | None = None
         self._correction = AS_MEASURED
 
@@ -95,6 +100,8 @@ class FrameProcessor:
             fault = self._table.check(depth_m)
             self._adapt(self._table.noise, to_heightmap)
             _refuse(fault or self._health.check_noise(self._table.noise.sigma))
+        if self._surroundings is not None:
+            _refuse(self._surroundings.check(color, stamp_ns))
         unseen = self._health.check_valid_fraction(heightmap.valid_fraction)
         _refuse(unseen and (DepthUnit(camera, camera_in_base, self._workspace).fault(depth_m) or unseen))
         cloud = None
@@ -125,6 +132,8 @@ class FrameProcessor:
         self._filter.clear()
         if self._table_limits is not None:
             self._table = TableWatch(camera, pose, self._workspace, self._table_limits)
+        if self._max_picture_motion > 0.0:
+            self._surroundings = SurroundingsWatch(camera, pose, self._workspace, self._max_picture_motion)
         return self._builders
 
 

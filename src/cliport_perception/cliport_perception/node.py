@@ -30,6 +30,7 @@ from cliport_perception.errors import PerceptionError
 from cliport_perception.frame_processor import FrameProducts
 from cliport_perception.fusion import CameraFusion
 from cliport_perception.node_camera import CameraSettings, CameraStream
+from cliport_perception.surroundings_watch import MAX_MOTION
 from cliport_perception.table_watch import TableLimits
 from panda_model.ros_parameters import declare_base_frame, declare_robot
 
@@ -74,6 +75,7 @@ class PerceptionNode(Node):
             points_rate=self._at_least_0("points_rate", 2.0),
             points_margin=self._at_least_0("points_margin", MARGIN),
             table=self._table_limits(),
+            max_picture_motion=self._at_least_0("max_picture_motion", MAX_MOTION),
             depth_frames=self._whole_number("depth_frames", 1),
             rectified=bool(self.declare_parameter("rectified", False).value),
             compressed=bool(self.declare_parameter("compressed", False).value),

@@ -32,6 +32,7 @@ class CameraSettings:
     points_rate: float
     points_margin: float
     table: TableLimits | None
+    max_picture_motion: float
     depth_frames: int
     rectified: bool
     compressed: bool
@@ -71,6 +72,7 @@ class CameraStream:
             settings.points_margin,
             settings.table,
             settings.depth_frames,
+            settings.max_picture_motion,
         )
 
     @property

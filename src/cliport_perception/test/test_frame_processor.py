@@ -1,10 +1,11 @@
 from __future__ import annotations
 
+import cv2
 import numpy as np
 import pytest
 
 from cliport_core import Pose, WorkspaceSpec
-from cliport_perception import UnfitFrameError
+from cliport_perception import CameraModel, UnfitFrameError
 from cliport_perception.camera_health import CameraHealth, HealthLimits
 from cliport_perception.frame_processor import FrameProcessor
 
@@ -66,6 +67,27 @@ def test_something_before_the_camera_is_no_unit(box_scene, distance: float) -> N
     depth = np.full_like(box_scene.depth, np.float32(distance))
     with pytest.raises(UnfitFrameError, match="is the camera's view blocked"):
         make().process(box_scene.color, depth, box_scene.camera, box_scene.camera_in_base, 0)
+
+
+@pytest.mark.parametrize(("limit", "refused"), [(0.002, True), (0.0, False)])
+def test_surroundings_that_moved_as_one_are_refused_unless_the_watch_is_off(limit: float, refused: bool) -> None:
+    rng, lens = np.random.default_rng(0), CameraModel(480, 270, 270.0, 270.0, 240.0, 135.0)
+    spots = rng.uniform(40, 200, (14, 24, 1)).astype(np.float32)
+    color = np.repeat(cv2.resize(spots, (480, 270), interpolation=cv2.INTER_CUBIC)[..., None], 3, axis=-1)
+    color = color.clip(0, 255).astype(np.uint8)
+    place, depth = Pose.looking_at((0.5, 0.01, 0.9), (0.45, 0.0, 0.0)), np.full((270, 480), 0.9, np.float32)
+    health = CameraHealth({}, HealthLimits())
+    processor = FrameProcessor(WorkspaceSpec(), health, 10.0, 2.0, max_picture_motion=limit)
+    seen = [np.roll(color, shift, axis=1) for shift in (0, 0, 4, 4, 4)]
+    words = []
+    for second, picture in enumerate(seen):
+        try:
+            processor.process(picture, depth, lens, place, second * 1000 * MS)
+            words.append("")
+        except UnfitFrameError as error:
+            words.append(str(error))
+    assert words[:3] == ["", "", ""]
+    assert bool(words[-1].startswith("the camera was moved: all that it sees around")) is refused
 
 
 def test_a_moved_camera_is_followed(box_scene, cast_scene) -> None:

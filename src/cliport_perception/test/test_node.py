@@ -198,7 +198,8 @@ def test_a_parameter_of_the_wrong_type_ends_in_one_line(capsys: pytest.CaptureFi
 
 @pytest.mark.parametrize(
     "parameter",
-    ["max_age:=.nan", "max_age:=-1.0", "max_table_shift:=.nan", "max_table_tilt:=-0.1", "sync_slop:=.inf",
+    ["max_age:=.nan", "max_age:=-1.0", "max_table_shift:=.nan", "max_table_tilt:=-0.1", "max_picture_motion:=.nan",
+     "sync_slop:=.inf",
      "min_valid_fraction:=1.5", "points_rate:=-2.0", "heightmap_rate:=.nan", "points_margin:=-0.1", "depth_frames:=0"],
 )  # fmt: skip
 def test_a_parameter_that_cannot_work_ends_in_one_line(parameter: str, capsys: pytest.CaptureFixture[str]) -> None:
