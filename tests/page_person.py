@@ -22,7 +22,7 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -188,6 +188,8 @@ class Person(BrowserUser):
     def can(self, blob: Blob, shape: tuple[int, ...], angle: float) -> bool:
         """Turn the fingers, and ask whether the arm can do what is drawn."""
         self.turn(blob, shape, angle)
+        with suppress(TimeoutError):  # then what is said of a plan is said of this rotation
+            self.page.locator("#overlay .reach").wait_for(timeout=3_000)
         self.is_free()
         self.page.locator("#preview").click()
         return self._answered("#plan:not([hidden])") and "✓" in (self.page.locator("#plan").text_content() or "")

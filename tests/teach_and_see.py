@@ -3,7 +3,7 @@
     python tests/teach_and_see.py --out out/taught                          # make teach, 12 demonstrations, 10 scenes
     python tests/teach_and_see.py --out out/dry --demonstrations 4 --scenes 1 --minutes 1
 
-scores the policy that `make teach` starts with, starts `make teach`, demonstrates on new scenes, lets the page teach,
+scores both shipped policies, starts `make teach`, demonstrates on new scenes, lets the page teach,
 loads what was learned and asks it on the same page, lets it make one step by one key, and scores it on the same scenes.
 Minutes and scores are printed and written to OUT/report.json. Without `make`, as where the set-up is not to be touched:
 --launch starts the same launch file, with the data sets in OUT.
@@ -31,7 +31,7 @@ from playwright.sync_api import sync_playwright
 
 ROOT = Path(__file__).resolve().parents[1]
 TASK, PRIMITIVE = "sweeping-piles", "sweep"
-STARTED_WITH = "default"
+SHIPPED = ("default", "multi-open-100")  # the one that `make teach` starts with, and the one that a lesson begins with
 START_S, LESSON_S, LOAD_S = 600.0, 4 * 3600.0, 300.0
 LEFT_OUTSIDE = 0.03  # share of the pile that may be outside of the square when it counts as swept
 MOST_SWEEPS = 8
@@ -149,7 +149,7 @@ def main() -> int:
     options.out.mkdir(parents=True, exist_ok=True)
     minutes, name = Minutes(), f"taught-{time.strftime('%Y%m%d-%H%M%S')}"
     with minutes.of("score before"):
-        before = score(STARTED_WITH, options, "before")
+        before = {checkpoint: score(checkpoint, options, f"before-{checkpoint}") for checkpoint in SHIPPED}
     with teaching(options) as address, sync_playwright() as driver, chromium(driver) as browser:
         person = Person(browser, address, options.out / "album")
         person.sees("ready", timeout=START_S)
