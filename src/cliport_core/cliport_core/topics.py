@@ -58,6 +58,9 @@ SIM_RESET = "/sim_bridge/reset"
 SIM_SCORE = "/sim_bridge/score"
 
 
+MOST_CAMERAS = 9  # that one graph joins
+
+
 def of_camera(topic: str, number: int) -> str:
     """Return the name of a camera's topic for one of several cameras, from 1: /camera2/... for the second."""
     return topic if number == 1 else topic.replace("/camera/", f"/camera{number}/", 1)

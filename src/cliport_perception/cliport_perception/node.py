@@ -36,7 +36,6 @@ from panda_model.ros_parameters import declare_base_frame, declare_robot
 STATUS_NAME = "cliport_perception: camera"
 LOG_PERIOD_S = 10.0  # an unchanged fault is logged this often
 PATIENCE = 3  # reports before the first complaint: nodes start in any order
-_MOST_CAMERAS = 9
 
 
 class PerceptionNode(Node):
@@ -47,7 +46,7 @@ class PerceptionNode(Node):
         super().__init__("cliport_perception", **options)
         self._base_frame = declare_base_frame(self, declare_robot(self))
         settings = self._settings()
-        count = self._whole_number("cameras", 1, _MOST_CAMERAS)
+        count = self._whole_number("cameras", 1, topics.MOST_CAMERAS)
         self._reports = 0
         self._transforms = TransformTree()
         self._throttles = [MessageThrottle(LOG_PERIOD_S) for _ in range(count)]
