@@ -61,6 +61,11 @@ class PageProcess:
         fields = Path(f"/proc/{self._process.pid}/stat").read_text().rpartition(")")[2].split()
         return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
+    @property
+    def pid(self) -> int:
+        """The process."""
+        return self._process.pid
+
     def resident_mb(self) -> float:
         """Return the memory that it holds [MB]."""
         status = Path(f"/proc/{self._process.pid}/status").read_text()

@@ -22,6 +22,7 @@ _MAX_STEP = 0.4  # of a joint in one iteration [rad]
 _EYE6 = np.eye(6)
 _ELBOWS = (0.0, 0.5, -0.5, 1.1, -1.1)  # turns of joint 3 that solutions are looked for from [rad]
 _MANY_ELBOWS = (*_ELBOWS, 0.25, -0.25, 0.8, -0.8, 1.5, -1.5, 2.0, -2.0)
+_DRAWN = 40  # further seeds where solutions are looked for finely
 _OTHER_SEEDS = 2  # tried in any case: the reference, and the ready pose turned towards the target
 _RESTARTS = 60  # random seeds, tried only while nothing else has converged
 
@@ -111,7 +112,7 @@ class HandDownIk:
     def solve_all(self, target: Pose, reference: FloatArray, finely: bool = False) -> list[IkSolution]:
         """Return distinct solutions, the cheapest first: near to `reference` (7,) [rad] and far from the limits.
 
-        finely: more of the elbow's positions are looked at.
+        finely: from more of the elbow's positions, and from drawn ones.
 
         Raises:
             InverseKinematicsError: when no seed converges.
@@ -119,8 +120,9 @@ class HandDownIk:
         found: list[IkSolution] = []
         best_residual = math.inf
         elbows = _MANY_ELBOWS if finely else _ELBOWS
+        enough = len(elbows) + _OTHER_SEEDS + (_DRAWN if finely else 0)
         for number, seed in enumerate(self._seeds(target, reference, elbows)):
-            if found and number >= len(elbows) + _OTHER_SEEDS:
+            if found and number >= enough:
                 break
             q, residual = self.refine(target, seed)
             best_residual = min(best_residual, residual)

@@ -136,7 +136,7 @@ def test_a_way_that_bends_is_no_approach(planner: TransferPlanner, model: PandaM
     start = planner.ik.solve_all(hand_down_pose(0.5, 0.1, 0.2, 0.0), READY_POSITIONS)[0].positions
     low = planner.ik.solve_near(hand_down_pose(0.5, 0.1, 0.02, 0.0), start, 1.5)
     assert low is not None
-    bent = time_path(np.stack([start, low]), PANDA_LIMITS.scaled(0.5, 0.5, 0.5), model, 1.0)
+    bent = time_path(np.stack([start, low]), planner.motions.limits, model, 1.0)
     validate_trajectory(bent, PANDA_LIMITS, free_scene)
     with pytest.raises(TrajectoryError, match=r"the hand would be \d+\.\d mm off its straight way \(at most 5 mm"):
         validate_trajectory(bent, PANDA_LIMITS, free_scene, straightness=0.005)

@@ -67,10 +67,10 @@ class SimNode(Node):  # type: ignore[misc]
             lambda error: on_failure(SimBridgeError(f"the simulation failed: {error}")),
         )
         faults = FaultInjection(self, self.loop)
-        self._state = StatePublisher(self, self.loop, camera, parameters)
+        self._state = StatePublisher(self, self.loop, camera, parameters, faults)
         self._camera = CameraPublisher(self, self.loop, camera, faults, parameters.camera_rate, parameters.camera_frame)
         self._arm = ArmAction(self, self.loop, parameters.arm_action, faults, log)
-        self._gripper = GripperAction(self, self.loop, parameters.gripper_action)
+        self._gripper = GripperAction(self, self.loop, parameters.gripper_action, faults)
         self._scenes = SceneServices(self, self.loop, task, parameters.seed)
         self._watch(parameters)
         self.loop.start()

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import time
+
 from control_msgs.action import FollowJointTrajectory, GripperCommand
+from rclpy.action import GoalResponse
 from rclpy.node import Node
 
 from sim_bridge import conversions
@@ -13,6 +16,8 @@ from sim_bridge.control.trajectory_log import TrajectoryLog
 from sim_bridge.node_actions import ControllerAction
 from sim_bridge.node_faults import FaultInjection
 from sim_bridge.sim_loop import SimLoop
+
+UNANSWERED_S = 15.0  # a goal that is not to be accepted, at most
 
 
 class ArmAction(ControllerAction):
@@ -26,17 +31,28 @@ class ArmAction(ControllerAction):
     def _decode(self, request: FollowJointTrajectory.Goal) -> TrajectoryGoal:
         return conversions.trajectory_goal_from_msg(request)
 
+    def _accept(self, request: FollowJointTrajectory.Goal) -> GoalResponse:
+        deadline = time.monotonic() + UNANSWERED_S
+        while self._faults.is_on("never_accept") and time.monotonic() < deadline:
+            time.sleep(0.05)
+        return super()._accept(request)
+
+    def _is_told(self) -> bool:
+        return not self._faults.is_on("never_end")
+
     def _check(self, goal: TrajectoryGoal) -> None:
         validate_goal(goal, self._loop.arm.config.joint_names, self._loop.world.time)
 
     def _start(self, goal: TrajectoryGoal) -> TrajectoryExecution:
         now = self._loop.world.time
-        execution = self._loop.arm.start(goal, now)
+        execution = self._loop.arm.start(self._faults.adapted(goal), now)
         self._log.append(goal, now)
         self._faults.started(execution, now)
         return execution
 
     def _cancel_now(self, execution: TrajectoryExecution) -> None:
+        if self._faults.is_on("lose_cancel"):
+            return
         if self._loop.arm.active is execution:
             self._loop.arm.cancel()
 
@@ -55,7 +71,8 @@ class ArmAction(ControllerAction):
 class GripperAction(ControllerAction):
     """GripperCommand in front of the hand's controller."""
 
-    def __init__(self, node: Node, loop: SimLoop, name: str) -> None:
+    def __init__(self, node: Node, loop: SimLoop, name: str, faults: FaultInjection) -> None:
+        self._faults = faults
         super().__init__(node, loop, GripperCommand, name)
 
     def _decode(self, request: GripperCommand.Goal) -> GripperGoal:
@@ -65,6 +82,7 @@ class GripperAction(ControllerAction):
         self._loop.gripper.check(goal)
 
     def _start(self, goal: GripperGoal) -> GripperExecution:
+        self._faults.closing(goal)
         return self._loop.gripper.start(goal, self._loop.world.time)
 
     def _cancel_now(self, execution: GripperExecution) -> None:

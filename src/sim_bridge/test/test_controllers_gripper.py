@@ -175,3 +175,13 @@ def test_a_new_goal_aborts_the_old_and_reset_forgets():
     bench.hand.width = 0.08
     bench.run(1.0)
     assert bench.hand.width == pytest.approx(0.08), "holds the width that it finds"
+
+
+def test_jammed_fingers_stay_and_say_so_after_a_while():
+    bench = Bench(width=0.08)
+    bench.controller.jammed_for = 1.0
+    execution = bench.go(0.0)
+    assert execution.status is GoalStatus.ABORTED and "stopped at 0.0800 m" in execution.message
+    assert bench.hand.width == 0.08 and 0.9 < bench.time < 1.2
+    bench.controller.jammed_for = None
+    assert bench.go(0.02).status is GoalStatus.SUCCEEDED
