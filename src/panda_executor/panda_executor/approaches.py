@@ -72,8 +72,8 @@ def usual_approaches(
 
 def more_approaches(
     motions: MotionBuilder, phase: Phase, target: Target, scene: Scene, reference: FloatArray
-) -> list[Approach]:
-    """Return ways down from each height to each branch that is free at the pose itself, the lowest first.
+) -> Iterator[Approach]:
+    """Yield ways down from each height to each branch that is free at the pose itself, those of one height together.
 
     Near things there are fewer free branches at the pose than above it: so the straight motions are looked for
     upwards from it, at each height with the least lean that passes.
@@ -82,14 +82,43 @@ def more_approaches(
     try:
         solutions = motions.ik.solve_all(target.pose(), reference, finely=True)
     except InverseKinematicsError:
-        return []
+        return
     free = [solution.positions for solution in solutions if scene.is_valid(solution.positions)]
-    found = []
     for rise, positions in itertools.product((0.0, *motions.config.more_rise), free):
         for lean in motions.config.lean:
             up = motions.straight(phase, positions, target.above(lean, rise), scene)
             if up is not None:
                 down = motions.reversed(phase, up, scene)
-                found.append(Approach(down.trajectory.positions[0], down))
+                yield Approach(down.trajectory.positions[0], down)
                 break
-    return found
+
+
+def pairs(picks: Iterator[Approach], places: Iterator[Approach]) -> Iterator[tuple[Approach, Approach]]:
+    """Yield every pair, those of the first ones first; none is looked for before its turn comes."""
+    first, second = _Found(picks), _Found(places)
+    for total in itertools.count():
+        left = False
+        for number in range(total + 1):
+            pick = first.get(number)
+            place = second.get(total - number) if pick is not None else None
+            if pick is not None and place is not None:
+                left = True
+                yield pick, place
+        if not left:
+            return
+
+
+class _Found:
+    """Approaches in their order, found no sooner than they are asked for."""
+
+    def __init__(self, source: Iterator[Approach]) -> None:
+        self._source, self._found = source, list[Approach]()
+
+    def get(self, number: int) -> Approach | None:
+        """Return one of them, None where there are fewer."""
+        while number >= len(self._found):
+            new = next(self._source, None)
+            if new is None:
+                return None
+            self._found.append(new)
+        return self._found[number]

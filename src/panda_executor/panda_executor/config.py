@@ -71,7 +71,7 @@ class DragConfig:
 class ExecutorConfig:
     """Settings of the executor's core.
 
-    approach_height: of the tcp above the higher of grasp and release [m]; more_rise: from so much higher it comes, too,
+    approach_height: of the tcp above the higher of grasp and release [m]; more_rise: from so much higher, too,
     where no way was found from there [m]; clearance: added round the hand while it travels [m]; straightness: how far
     the tcp may be off the line of a straight motion, as to and from objects [m]; lean: angles at which
     the hand may lean outwards above an object close to the base [rad]; missed_width: fingers closer than this hold
@@ -92,7 +92,7 @@ class ExecutorConfig:
     drag: DragConfig = field(default_factory=DragConfig)
     approach_height: float = 0.12
     straightness: float = 0.005
-    more_rise: tuple[float, ...] = (0.08, 0.18)
+    more_rise: tuple[float, ...] = (-0.05, 0.08, 0.18)
     clearance: float = 0.01
     lean: tuple[float, ...] = (0.0, 0.3, 0.6)
     missed_width: float = 0.005

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -11,7 +10,7 @@ import numpy.typing as npt
 from cliport_core.action import PickPlaceAction
 from cliport_core.pose import PlanarPose
 from cliport_core.workspace import WorkspaceSpec
-from panda_executor.approaches import Approach, Target, more_approaches, usual_approaches
+from panda_executor.approaches import Approach, Target, more_approaches, pairs, usual_approaches
 from panda_executor.errors import BudgetSpentError, ExecutorError, PlanningError
 from panda_executor.grasp import Grasp
 from panda_executor.hand_geometry import HandShape
@@ -129,16 +128,13 @@ class TransferAttempts:
 
     def plan_from_anywhere(self, attempt: Attempt) -> PickPlacePlan:
         """Plan what was begun and not found, from every height and branch. Raises ExecutorError as `plan` does."""
-        scenes, place_at = attempt.scenes, attempt.place_at
+        scenes = attempt.scenes
         picks = more_approaches(self._motions, Phase.DESCEND, attempt.pick_at, scenes.opened, self.start)
-        if not picks:
-            raise PlanningError(_NO_APPROACH)
-        places = more_approaches(self._motions, Phase.LOWER, place_at, scenes.carried, picks[0].above)
-        reason = _NO_WAY_DOWN
-        pairs = itertools.product(range(len(picks)), range(len(places)))
-        for pick, place in sorted(pairs, key=sum):
+        places = more_approaches(self._motions, Phase.LOWER, attempt.place_at, scenes.carried, self.start)
+        reason = "no way down at the object and the place"
+        for pick, place in pairs(picks, places):
             try:
-                return self._joined(attempt, picks[pick], places[place])
+                return self._joined(attempt, pick, place)
             except BudgetSpentError:
                 raise
             except ExecutorError as error:

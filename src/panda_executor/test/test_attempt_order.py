@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
@@ -287,19 +287,24 @@ def test_what_was_begun_is_tried_from_every_height_the_lowest_pairs_first(
     own.plan(GRASP, 0.0, REST, LEFT)
     (begun,) = own.begun
     joined: list[tuple[float, float]] = []
+    looked: list[tuple[Phase, float]] = []
     from_pose = [Approach(np.full(7, height), cast(Any, "a way down")) for height in (1.0, 2.0, 3.0)]
 
-    def more(motions: Any, phase: Phase, target: Target, scene: Any, reference: np.ndarray) -> list[Approach]:
+    def more(motions: Any, phase: Phase, target: Target, scene: Any, reference: np.ndarray) -> Iterator[Approach]:
         wanted = {
-            Phase.DESCEND: (begun.pick_at, begun.scenes.opened, 0.0),
-            Phase.LOWER: (begun.place_at, begun.scenes.carried, 1.0),
+            Phase.DESCEND: (begun.pick_at, begun.scenes.opened),
+            Phase.LOWER: (begun.place_at, begun.scenes.carried),
         }
-        at, among, near = wanted[phase]
-        assert target is at and scene is among and reference[0] == near
-        return from_pose if phase is Phase.DESCEND else from_pose[:2]
+        at, among = wanted[phase]
+        assert target is at and scene is among and reference is START
+        for approach in from_pose if phase is Phase.DESCEND else from_pose[:2]:
+            looked.append((phase, float(approach.above[0])))
+            yield approach
 
     def join(attempt: Any, pick: Approach, place: Approach) -> Any:
         joined.append((float(pick.above[0]), float(place.above[0])))
+        if len(joined) == 1:
+            assert looked == [(Phase.DESCEND, 1.0), (Phase.LOWER, 1.0)], "no more is looked for than is needed"
         raise PlanningError(f"no way {len(joined)}")
 
     monkeypatch.setattr(transfer_attempts, "more_approaches", more)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import replace
 
@@ -85,7 +86,7 @@ def test_more_ways_down_end_on_the_pose_from_each_height_and_are_distinct(
     planner: TransferPlanner, free_scene: Scene
 ) -> None:
     target = Target(0.5, 0.1, 0.02, 0.2, 0.0)
-    found = more_approaches(planner.motions, Phase.DESCEND, target, free_scene, READY_POSITIONS)
+    found = list(more_approaches(planner.motions, Phase.DESCEND, target, free_scene, READY_POSITIONS))
     usual = list(usual_approaches(planner.motions, Phase.DESCEND, target, free_scene, READY_POSITIONS))
     assert len(found) > 2 * len(usual)
     heights = []
@@ -95,8 +96,7 @@ def test_more_ways_down_end_on_the_pose_from_each_height_and_are_distinct(
         end = planner.model.tcp_pose(approach.down.trajectory.end)
         assert end.is_close(hand_down_pose(0.5, 0.1, 0.02, 0.0), 1e-4)
         heights.append(round(float(planner.model.tcp_pose(approach.above).translation[2]), 3))
-    assert heights == sorted(heights)
-    assert set(heights) == {0.2, 0.28, 0.38}
+    assert [height for height, _ in itertools.groupby(heights)] == [0.2, 0.15, 0.28, 0.38]
 
 
 def test_a_straight_motion_of_a_millimetre_has_a_point_between_its_ends(planner: TransferPlanner) -> None:
