@@ -15,9 +15,9 @@ from panda_executor.phase import Phase
 from panda_executor.transfer import TransferPlanner
 
 
-@pytest.mark.parametrize(("away", "clear"), [(0.005, False), (0.03, True)])
-def test_what_stands_within_the_plans_margin_is_found(away: float, clear: bool) -> None:
-    """A column beside the way of a hand that is to keep a centimetre off."""
+@pytest.mark.parametrize(("height", "clear"), [(0.35, False), (0.15, True)])
+def test_what_stands_within_the_plans_margin_is_found(height: float, clear: bool) -> None:
+    """A column 5 mm beside the way of a hand that is to keep a centimetre off, or ends below it."""
     planner = TransferPlanner(PandaModel())
     hand = HandShape(planner.config.hand, margin=planner.config.clearance)
     empty = planner.scene(ObstacleGrid.empty(WorkspaceSpec()), hand)
@@ -25,8 +25,8 @@ def test_what_stands_within_the_plans_margin_is_found(away: float, clear: bool) 
     motion = planner.motions.travel(Phase.CARRY, *ends, empty)
     recheck_clearance(motion.trajectory, empty)
     reach = np.array([hand.points @ empty.model.tcp_arrays(q)[0].T + empty.model.tcp_arrays(q)[1] for q in ends])
-    side = float(reach[..., 0].max()) - planner.config.clearance + away
-    column = np.repeat([[side + 0.005, 0.0, 0.35]], 5, axis=0).astype(np.float32)
+    side = float(reach[..., 0].max()) - planner.config.clearance + 0.005
+    column = np.repeat([[side + 0.005, 0.0, height]], 5, axis=0).astype(np.float32)
     among = empty.with_grid(ObstacleGrid.from_cloud(column, WorkspaceSpec(), 0.012))
     if clear:
         recheck_clearance(motion.trajectory, among)

@@ -132,7 +132,9 @@ class TransferAttempts:
         picks = more_approaches(self._motions, Phase.DESCEND, attempt.pick_at, scenes.opened, self.start)
         places = more_approaches(self._motions, Phase.LOWER, attempt.place_at, scenes.carried, self.start)
         reason = "no way down at the object and the place"
-        for pick, place in pairs(picks, places):
+        reached = (pick for pick in picks if scenes.coming.is_valid(pick.above))  # with room to travel to and from
+        left = (place for place in places if scenes.carried_wide.is_valid(place.above))
+        for pick, place in pairs(reached, left):
             try:
                 return self._joined(attempt, pick, place)
             except BudgetSpentError:

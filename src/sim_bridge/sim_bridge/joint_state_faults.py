@@ -1,4 +1,4 @@
-"""What goes wrong with joint states on their way: they are lost, late, early, or old ones with new stamps."""
+"""Faults of joint states on their way: they are lost, late, early, or old ones with new stamps."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class StateFault(Enum):
 
     @property
     def words(self) -> str:
-        """What the joint states are like, as a clause."""
+        """A clause that says what the joint states are like."""
         return {
             StateFault.LOST: "no joint states are published",
             StateFault.OLD: f"joint states are stamped {SHIFT_S:g} s too early",

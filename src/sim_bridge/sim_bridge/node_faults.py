@@ -71,7 +71,7 @@ class FaultInjection:
 
     @property
     def clock_shift(self) -> float:
-        """How far the clock is off [s]."""
+        """Offset of the clock [s]."""
         return CLOCK_JUMP_S * (self._on["clock_ahead"] - self._on["clock_back"])
 
     def adapted(self, goal: TrajectoryGoal) -> TrajectoryGoal:
