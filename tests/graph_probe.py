@@ -35,7 +35,13 @@ class GraphProbe(GraphClient):
         super().__init__("graph_probe", domain_id)
         self._history: deque[tuple[float, float]] = deque(maxlen=_KEPT)  # (wall time, fastest joint in rad/s)
         self._positions: dict[str, float] = {}
-        self._node.create_subscription(JointState, "/joint_states", self._note_speed, qos_profile_sensor_data)
+        self._hears_truth = False  # joint states are spoiled by a fault, and the simulator tells the true ones
+        self._node.create_subscription(JointState, topics.JOINT_STATES, self._on_states, qos_profile_sensor_data)
+        self._node.create_subscription(JointState, topics.SIM_TRUE_JOINTS, self._on_truth, qos_profile_sensor_data)
+        self._phases: list[tuple[float, str]] = []  # (wall time, name) of each that the executor entered
+        self._node.create_subscription(
+            PickPlace.Impl.FeedbackMessage, "/panda_executor/pick_place/_action/feedback", self._note_phase, 10
+        )
         beats = self._node.create_publisher(String, topics.OWNER_HEARTBEAT, 10)
         self._heart = Heartbeat(lambda: beats.publish(String(data=_OWNER)))
         self._pick_place = ActionClient(self._node, PickPlace, "/panda_executor/pick_place")
@@ -98,6 +104,16 @@ class GraphProbe(GraphClient):
         """Wall time at which the arm was seen to move, after now."""
         return self._wait_speed(lambda speed: speed > 10 * STILL, time.monotonic(), timeout)
 
+    def wait_phase(self, name: str, timeout: float) -> float:
+        """Wall time at which the executor said that it is in a phase, after now."""
+        since, deadline = time.monotonic(), time.monotonic() + timeout
+        while time.monotonic() < deadline:
+            for stamp, phase in list(self._phases):
+                if stamp >= since and phase == name:
+                    return stamp
+            time.sleep(0.005)
+        raise AssertionError(f"no {name} within {timeout} s; there were {[phase for _, phase in self._phases][-9:]}")
+
     def wait_still(self, since: float, timeout: float = 30.0) -> float:
         """Wall time from which on the arm stood still for 0.3 s, after since."""
         deadline = time.monotonic() + timeout
@@ -149,6 +165,19 @@ class GraphProbe(GraphClient):
             assert time.monotonic() < deadline, f"no answer within {timeout} s"
             time.sleep(0.01)
         return future.result()
+
+    def _note_phase(self, message: Any) -> None:
+        name = str(message.feedback.phase_name)
+        if not self._phases or self._phases[-1][1] != name:
+            self._phases.append((time.monotonic(), name))
+
+    def _on_states(self, message: JointState) -> None:
+        if not self._hears_truth:
+            self._note_speed(message)
+
+    def _on_truth(self, message: JointState) -> None:
+        self._hears_truth = True
+        self._note_speed(message)
 
     def _note_speed(self, message: JointState) -> None:
         arm = [v for name, v in zip(message.name, message.velocity, strict=False) if "finger" not in name]

@@ -9,7 +9,8 @@ import numpy as np
 from scipy.interpolate import BPoly
 
 from panda_executor.model import PandaModel
-from panda_executor.scene import SceneConfig, add_table, place_camera
+from panda_executor.scene import Scene, SceneConfig, add_table, place_camera
+from panda_executor.trajectory import JointTrajectory
 from panda_model import load_preset
 from sim_bridge.rendering.camera import CameraConfig
 
@@ -59,6 +60,23 @@ def recheck_trajectory(sent: dict[str, Any]) -> None:
             last = configuration
             pair = _model().colliding_pair(configuration)
             assert pair is None, f"{pair} touch at {configuration}"
+
+
+def recheck_clearance(trajectory: JointTrajectory, scene: Scene) -> None:
+    """Check at 1 kHz that nothing comes nearer to what was seen than the plan's margins.
+
+    scene: the one that the motion was validated in, with its hand, load and margins.
+
+    Raises:
+        AssertionError: says what comes too close to what.
+    """
+    times = np.append(np.arange(trajectory.times[0], trajectory.times[-1], PERIOD), trajectory.times[-1])
+    last = np.full(len(trajectory.start), np.inf)
+    for configuration in trajectory.sample(times)[0]:
+        if np.abs(configuration - last).max() > STILL:
+            last = configuration
+            problem = scene.problem(configuration)
+            assert problem is None, f"{problem} at {configuration}"
 
 
 def _within(values: np.ndarray, bound: np.ndarray, name: str) -> None:

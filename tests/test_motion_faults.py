@@ -32,8 +32,8 @@ pytestmark = pytest.mark.soak
 
 
 @pytest.fixture
-def moving(tmp_path: Path) -> Iterator[tuple[GraphProcess, GraphProbe]]:
-    """A graph of its own for each fault, in real time, whose arm is under way to the pick."""
+def ready(tmp_path: Path) -> Iterator[tuple[GraphProcess, GraphProbe, str]]:
+    """A graph of its own for each fault, in real time, its arm at rest; and what there is to be done."""
     domain = next_domain()
     arguments = {"task": TASK, "split": "test", "seed": "3", "params": str(with_hardware_times(tmp_path))}
     environment = {"ROS_DOMAIN_ID": str(domain)}
@@ -44,15 +44,37 @@ def moving(tmp_path: Path) -> Iterator[tuple[GraphProcess, GraphProbe]]:
         probe.wait_ready(90.0, lambda: graph.alive)
         sentence = probe.reset(TASK, "test", 3)
         time.sleep(0.5)
-        probe.instruct(sentence)
-        probe.wait_moving(40.0)
-        time.sleep(0.25)
-        yield graph, probe
+        yield graph, probe, sentence
         assert "Traceback" not in graph.log_text(), graph.log_tail(60)
+
+
+@pytest.fixture
+def moving(ready: tuple[GraphProcess, GraphProbe, str]) -> tuple[GraphProcess, GraphProbe]:
+    """A graph whose arm is under way to the pick."""
+    graph, probe, sentence = ready
+    probe.instruct(sentence)
+    probe.wait_moving(40.0)
+    time.sleep(0.25)
+    return graph, probe
 
 
 def kill(executable: str, number: int) -> Callable[[GraphProcess, GraphProbe], None]:
     return lambda graph, probe: os.kill(graph.pid_of(executable), number)
+
+
+def switched(name: str) -> Callable[[GraphProcess, GraphProbe], None]:
+    return lambda graph, probe: probe.set_sim_parameter(name, True)
+
+
+def after(seconds: float, fault: Callable[[GraphProcess, GraphProbe], object], switch: str) -> Callable[..., None]:
+    """Return a fault that follows on a switch of the simulator's."""
+
+    def inject(graph: GraphProcess, probe: GraphProbe) -> None:
+        probe.set_sim_parameter(switch, True)
+        time.sleep(seconds)
+        fault(graph, probe)
+
+    return inject
 
 
 FAULTS: dict[str, Callable[[GraphProcess, GraphProbe], object]] = {
@@ -62,6 +84,15 @@ FAULTS: dict[str, Callable[[GraphProcess, GraphProbe], object]] = {
     "stop asked for at the executor": lambda graph, probe: probe.trigger("/panda_executor/stop"),
     "stop asked for at the policy server": lambda graph, probe: probe.trigger("/cliport/stop"),
     "an empty instruction": lambda graph, probe: probe.instruct(""),
+    "joint states lost": switched("joint_states_lost"),
+    "joint states 1 s old": switched("joint_states_old"),
+    "joint states 1 s ahead": switched("joint_states_ahead"),
+    "joint states restamped": switched("joint_states_restamped"),
+    "clock 10 s ahead": switched("clock_ahead"),
+    "clock 10 s back": switched("clock_back"),
+    "cancel lost, stop asked for": after(
+        0.0, lambda graph, probe: probe.trigger("/panda_executor/stop"), "lose_cancel"
+    ),
 }
 
 
@@ -78,6 +109,76 @@ def test_the_arm_comes_to_rest(moving: tuple[GraphProcess, GraphProbe], fault: s
     assert probe.fastest(still + 0.05) < STILL, "the arm went on"
 
 
+# switches of the simulator before the motion, and what the executor must say then
+WORDS = {
+    "never_accept": "no answer from",
+    "never_end": "took more than",
+    "miss_goal": "goal tolerance violated",
+    "gripper_stalls": "the gripper",
+    "gripper_misses": "closed on nothing",
+}
+
+
+@pytest.mark.parametrize("switch", WORDS)
+def test_what_fails_is_named_and_the_arm_rests(ready: tuple[GraphProcess, GraphProbe, str], switch: str) -> None:
+    graph, probe, sentence = ready
+    probe.set_sim_parameter(switch, True)
+    start = time.monotonic()
+    probe.instruct(sentence)
+    _wait_words(graph, WORDS[switch], 40.0)
+    said = time.monotonic()
+    probe.instruct("")
+    still = probe.wait_still(said, 20.0)
+    _note(switch.replace("_", " "), still - said, 0.0, f"said after {said - start:.1f} s: {WORDS[switch]}")
+    time.sleep(0.5)
+    assert probe.fastest(still + 0.05) < STILL, "the arm went on"
+
+
+def test_what_is_dropped_on_the_way_is_noticed(ready: tuple[GraphProcess, GraphProbe, str]) -> None:
+    graph, probe, sentence = ready
+    probe.instruct(sentence)
+    probe.wait_phase("CARRY", 60.0)
+    time.sleep(0.25)
+    before, start = probe.positions(JOINTS), time.monotonic()
+    probe.set_sim_parameter("gripper_drops", True)
+    _rests(probe, "gripper drops", start, before)
+    _wait_words(graph, "the object was lost during", 20.0)
+
+
+PHASES = ("GRASP_PLANNING", "GO_ABOVE_PICK", "DESCEND", "CLOSE", "RAISE", "CARRY", "LOWER", "OPEN", "RETREAT")
+
+
+@pytest.mark.parametrize("phase", PHASES)
+def test_a_stop_in_each_phase_holds_the_arm_until_it_is_asked_again(
+    ready: tuple[GraphProcess, GraphProbe, str], phase: str
+) -> None:
+    _, probe, sentence = ready
+    probe.instruct(sentence)
+    probe.wait_phase(phase, 60.0)
+    before, start = probe.positions(JOINTS), time.monotonic()
+    probe.trigger("/panda_executor/stop")
+    still = _rests(probe, f"stop in {phase}", start, before)
+    probe.trigger("/panda_executor/resume")
+    time.sleep(1.0)
+    assert probe.fastest(still + 0.05) < STILL, "the stopped goal went on"
+
+
+def test_a_simulator_that_is_killed_ends_the_goal(moving: tuple[GraphProcess, GraphProbe]) -> None:
+    """Its arm goes with it: what is measured is when the executor knows."""
+    graph, _ = moving
+    start = time.monotonic()
+    os.kill(graph.pid_of("sim"), signal.SIGKILL)
+    _wait_words(graph, "EXECUTION_FAILED after", 20.0)
+    _note("simulator killed: the executor's goal ends", time.monotonic() - start, 0.0)
+
+
+def _wait_words(graph: GraphProcess, words: str, timeout: float) -> None:
+    deadline = time.monotonic() + timeout
+    while words not in graph.log_text():
+        assert time.monotonic() < deadline, f"not said within {timeout} s: {words}\n{graph.log_tail(30)}"
+        time.sleep(0.02)
+
+
 def _rests(probe: GraphProbe, fault: str, start: float, before: NDArray[np.float64]) -> float:
     """Note how long after `start` and how far from `before` the arm comes to rest; return when, wall time."""
     still = probe.wait_still(start, 5.0)
@@ -89,7 +190,8 @@ def _rests(probe: GraphProbe, fault: str, start: float, before: NDArray[np.float
 
 
 @pytest.mark.skipif(CHROMIUM is None, reason="no Chromium on this machine")
-def test_the_arm_comes_to_rest_when_its_page_is_killed(tmp_path: Path) -> None:
+@pytest.mark.parametrize(("fault", "number"), [("page killed", signal.SIGKILL), ("page hung", signal.SIGSTOP)])
+def test_the_arm_comes_to_rest_when_its_page_is_gone(tmp_path: Path, fault: str, number: signal.Signals) -> None:
     import page_person as teaching  # only who has a browser needs it
 
     params = str(with_hardware_times(tmp_path))
@@ -107,10 +209,11 @@ def test_the_arm_comes_to_rest_when_its_page_is_killed(tmp_path: Path) -> None:
         probe.wait_moving(40.0)
         time.sleep(0.25)
         before, start = probe.positions(JOINTS), time.monotonic()
-        place.app.end(signal.SIGKILL)
-        still = _rests(probe, "page killed", start, before)
+        os.kill(place.app.pid, number)
+        still = _rests(probe, fault, start, before)
         time.sleep(0.5)
         assert probe.fastest(still + 0.05) < STILL, "the arm went on"
+        os.kill(place.app.pid, signal.SIGKILL)
 
 
 def test_a_goal_that_was_stopped_does_not_go_on_after_a_resume(moving: tuple[GraphProcess, GraphProbe]) -> None:
@@ -164,9 +267,11 @@ def test_random_goals_move_nothing_or_end_in_one_line(tmp_path: Path) -> None:
         assert graph.healthy
 
 
-def _note(fault: str, seconds: float, metres: float) -> None:
+def _note(fault: str, seconds: float, metres: float, words: str = "") -> None:
     OUT.parent.mkdir(exist_ok=True)
     found = json.loads(OUT.read_text()) if OUT.is_file() else {}
     found[fault] = {"standstill_s": round(seconds, 3), "way_m": round(metres, 4)}
+    if words:
+        found[fault]["words"] = words
     OUT.write_text(json.dumps(found, indent=1) + "\n")
     print(f"{fault}: at rest after {seconds:.3f} s, {1000 * metres:.0f} mm")

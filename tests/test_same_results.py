@@ -24,7 +24,7 @@ from cliport_perception.heightmap_builder import HeightmapBuilder
 from cliport_policy import load_policy
 from panda_executor.grasp import plan_grasps
 from panda_executor.obstacle_grid import ObstacleGrid
-from panda_executor.transfer import relevant_points
+from panda_executor.relevant_points import relevant_points
 from sim_bridge.rendering.camera import RgbdFrame, SimCamera
 from sim_bridge.scene import reset_scene
 from sim_bridge.task_mechanics.task import Task

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import numpy.typing as npt
@@ -11,7 +14,9 @@ import pybullet
 from arm_room import set_arm
 
 from cliport_core import Pose, WorkspaceSpec
+from panda_executor.model import PandaModel
 from panda_executor.motions import Motion
+from panda_executor.scene import SceneConfig, place_camera
 from panda_executor.transfer_attempts import PickPlacePlan
 from sim_bridge.objects import SceneObject
 from sim_bridge.objects.block import BLOCK_SIZE
@@ -61,8 +66,10 @@ class TrueGeometry:
     that of looking at every millisecond.
     """
 
-    def __init__(self, world: SimWorld, block: SceneObject) -> None:
-        self._world, self._block, self._arm = world, block, world.panda
+    def __init__(self, world: SimWorld, block: SceneObject, cameras: Sequence[FloatArray] = ()) -> None:
+        """cameras: where they stand, (3,) [m, base frame] each; they and their posts are bodies, too."""
+        self._world, self._block, self._arm, self._cameras = world, block, world.panda, cameras
+        self._posts: list[tuple[int, str]] = []
         names = {index: name.removeprefix(ROBOT.prefix) for name, index in self._arm.link_indices.items()}
         self._links = {**names, -1: "link0"}
         self.looked_at = 0
@@ -85,8 +92,11 @@ class TrueGeometry:
             _Part("retreat", plan.retreat, None, False),
         )
         nearest, touches = np.array([AMPLE, AMPLE]), list[Touch]()
+        self._posts = _camera_bodies(self._world, self._cameras)
         for part in parts:
             self._follow(part, nearest, touches)
+        for body, _ in self._posts:
+            pybullet.removeBody(body, physicsClientId=self._world.client)
         return float(nearest[0]), float(nearest[1]), touches
 
     def _follow(self, part: _Part, nearest: FloatArray, touches: list[Touch]) -> None:
@@ -135,7 +145,22 @@ class TrueGeometry:
 
     def _bodies(self) -> list[tuple[int, str]]:
         things = [(thing.body, thing.name) for thing in self._world.objects]
-        return [(TABLE, "table"), *things]
+        return [(TABLE, "table"), *things, *self._posts]
+
+
+def _camera_bodies(world: SimWorld, cameras: Sequence[FloatArray]) -> list[tuple[int, str]]:
+    """Add cameras and posts of the executor's sizes to the world; return the bodies with their names."""
+    boxes: list[tuple[str, FloatArray, FloatArray]] = []
+    model = SimpleNamespace(link=str, put_fixed_box=lambda name, size, at, *rest: boxes.append((name, size, at)))
+    for number, camera in enumerate(cameras):
+        place_camera(cast(PandaModel, model), SceneConfig(), camera, number + 1)
+    bodies = []
+    for name, size, at in boxes:
+        half = (np.asarray(size) / 2.0).tolist()
+        shape = pybullet.createCollisionShape(pybullet.GEOM_BOX, halfExtents=half, physicsClientId=world.client)
+        body = pybullet.createMultiBody(0.0, shape, -1, np.asarray(at).tolist(), physicsClientId=world.client)
+        bodies.append((int(body), name))
+    return bodies
 
 
 def _centred(load: Pose) -> Pose:

@@ -44,7 +44,7 @@ class ArmHand:
         self._motion = SimMotion(world, on_tick)
         config, model = replace(_executor_config(), centre_grasp=not exact_offset), PandaModel(ROBOT)
         planner = TransferPlanner(model, config)
-        planner.place_camera(observer.camera.camera_in_base.translation)
+        planner.place_cameras(observer.camera.camera_in_base.translation)
         self._runner = PickPlaceRunner(
             model,
             planner,

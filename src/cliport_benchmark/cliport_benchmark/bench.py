@@ -112,7 +112,7 @@ def bench_planning() -> Iterator[Row]:
 
     sim = SimConfig()
     world, observer, planner = SimWorld(sim), Observer(sim), TransferPlanner(PandaModel())
-    planner.place_camera(observer.camera.camera_in_base.translation)
+    planner.place_cameras(observer.camera.camera_in_base.translation)
     samples, previews, refused = [], [], []
     for seed in range(20):
         task = reset_scene(world, TASK, "val", seed)

@@ -61,6 +61,11 @@ class PageProcess:
         """Return the time that it has used so far, of all cores [s]."""
         return cpu_seconds(self._process.pid)
 
+    @property
+    def pid(self) -> int:
+        """The process."""
+        return self._process.pid
+
     def resident_mb(self) -> float:
         """Return the memory that it holds [MB]."""
         status = Path(f"/proc/{self._process.pid}/status").read_text()

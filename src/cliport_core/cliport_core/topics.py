@@ -58,6 +58,10 @@ EXECUTOR_RESUME = "/panda_executor/resume"
 # the simulator's own
 SIM_RESET = "/sim_bridge/reset"
 SIM_SCORE = "/sim_bridge/score"
+SIM_TRUE_JOINTS = "/sim_bridge/true_joint_states"
+
+
+MOST_CAMERAS = 9  # that one graph joins
 
 
 def of_camera(topic: str, number: int) -> str:

@@ -36,7 +36,6 @@ from panda_model.ros_parameters import declare_base_frame, declare_robot
 
 LOG_PERIOD_S = 10.0  # an unchanged fault is logged this often
 PATIENCE = 3  # reports before the first complaint: nodes start in any order
-_MOST_CAMERAS = 9
 
 
 class PerceptionNode(Node):
@@ -46,7 +45,7 @@ class PerceptionNode(Node):
         """Begin to listen. options: of rclpy's Node."""
         super().__init__("cliport_perception", **options)
         self._base_frame = declare_base_frame(self, declare_robot(self))
-        count = self._whole_number("cameras", 1, _MOST_CAMERAS)
+        count = self._whole_number("cameras", 1, topics.MOST_CAMERAS)
         limits = HealthLimits.read(self._number)
         settings = self._settings(limits.of_each(count))
         self._reports = 0

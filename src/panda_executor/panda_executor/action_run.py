@@ -165,7 +165,7 @@ class ActionRun:
         commands.move(plan.descend)
         self._close(plan.carry.scene.hand)
         if commands.is_empty():
-            escape = Motion(Phase.RETREAT, plan.raise_up.trajectory, plan.descend.scene)
+            escape = replace(plan.raise_up, phase=Phase.RETREAT, scene=plan.descend.scene)
             self._give_up(plan.grasp.opening, escape, "the fingers closed on nothing")
         commands.move(plan.raise_up)
         if commands.is_empty():

@@ -1,4 +1,4 @@
-"""The camera's position, as the frames of /tf_static say it."""
+"""The cameras' positions, as the frames of /tf_static say it."""
 
 from __future__ import annotations
 
@@ -13,44 +13,48 @@ from panda_model import FloatArray
 
 
 class CameraPlace:
-    """Joins the camera's frame to the base by the static transforms; safe between threads.
+    """Joins the cameras' frames to the base by the static transforms; safe between threads.
 
     Args:
-        base_frame: the arm's.
+        base_frame: the arm's; count: of the cameras.
     """
 
-    def __init__(self, base_frame: str) -> None:
-        self._base_frame = base_frame
+    def __init__(self, base_frame: str, count: int = 1) -> None:
+        self._base_frame, self._count = base_frame, count
         self._lock = threading.Lock()
         self._tree = TransformTree()
-        self._camera_frame: str | None = None
+        self._frames: dict[int, str] = {}
 
     def put(self, parent: str, child: str, child_in_parent: Pose) -> None:
         """Take note of a static transform."""
         with self._lock:
             self._tree.put(parent, child, child_in_parent)
 
-    def see(self, camera_frame: str) -> None:
-        """Take note of the frame that the camera's own messages name."""
+    def see(self, camera_frame: str, number: int = 1) -> None:
+        """Take note of the frame that a camera's own messages name; number: the camera's, from 1."""
         with self._lock:
-            self._camera_frame = camera_frame
+            self._frames[number] = camera_frame
 
-    def position(self) -> FloatArray:
-        """Return the optical centre (3,) [m, base frame].
+    def positions(self) -> tuple[FloatArray, ...]:
+        """Return the optical centre of each camera (3,) [m, base frame].
 
         Raises:
-            RequestError: while the camera's frame is unknown, or no static transform joins it to the base.
+            RequestError: while a camera's frame is unknown, or no static transform joins it to the base.
         """
         with self._lock:
-            if self._camera_frame is None:
-                raise RequestError(
-                    "where the camera stands is not known: no camera_info has arrived; is it running?",
-                    Refusal.NO_CAMERA_POSE,
-                )
-            try:
-                return self._tree.source_in_target(self._camera_frame, self._base_frame).translation
-            except FrameError as error:
-                raise RequestError(
-                    f"where the camera stands is not known: {error}; publish its calibration on /tf_static",
-                    Refusal.NO_CAMERA_POSE,
-                ) from None
+            return tuple(self._position(number) for number in range(1, self._count + 1))
+
+    def _position(self, number: int) -> FloatArray:
+        name = "camera" if number == 1 else f"camera {number}"
+        if number not in self._frames:
+            raise RequestError(
+                f"where the {name} stands is not known: no camera_info has arrived; is it running?",
+                Refusal.NO_CAMERA_POSE,
+            )
+        try:
+            return self._tree.source_in_target(self._frames[number], self._base_frame).translation
+        except FrameError as error:
+            raise RequestError(
+                f"where the {name} stands is not known: {error}; publish its calibration on /tf_static",
+                Refusal.NO_CAMERA_POSE,
+            ) from None

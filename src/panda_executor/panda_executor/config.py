@@ -71,9 +71,11 @@ class DragConfig:
 class ExecutorConfig:
     """Settings of the executor's core.
 
-    approach_height: of the tcp above the higher of grasp and release [m]; clearance: added round the hand
-    while it travels [m]; lean: angles at which the hand may lean outwards above an object close to the base
-    [rad]; missed_width: fingers closer than this hold nothing [m]; grip_force, open_force [N];
+    approach_height: of the tcp above the higher of grasp and release [m]; more_rise: from so much higher, too,
+    where no way was found from there [m]; clearance: added round the hand while it travels [m]; straightness: how far
+    the tcp may be off the line of a straight motion, as to and from objects [m]; lean: angles at which
+    the hand may lean outwards above an object close to the base [rad]; missed_width: fingers closer than this hold
+    nothing [m]; grip_force, open_force [N];
     start_tolerance: how far the arm may be measured from a motion's planned start [rad]; planning_time: a request
     that takes longer to plan is given up [s]; centre_grasp: whether the middle of what is held goes to the place; else
     it ends as far from there as the pick was off; moved_share: an object is looked for anew before the hand goes down
@@ -89,6 +91,8 @@ class ExecutorConfig:
     search: SearchConfig = field(default_factory=SearchConfig)
     drag: DragConfig = field(default_factory=DragConfig)
     approach_height: float = 0.12
+    straightness: float = 0.005
+    more_rise: tuple[float, ...] = (-0.05, 0.08, 0.18)
     clearance: float = 0.01
     lean: tuple[float, ...] = (0.0, 0.3, 0.6)
     missed_width: float = 0.005

@@ -117,7 +117,7 @@ class GoalSession:
             if not goal.blind:
                 return self._cloud(0, should_stop)
             with suppress(RequestError):  # the camera's place is what a calibration is to find
-                self._runner.planner.place_camera(self._camera.position())
+                self._runner.planner.place_cameras(*self._camera.positions())
             return None
 
         try:
@@ -144,8 +144,8 @@ class GoalSession:
     def _cloud(self, stamp_ns: int, should_stop: ShouldStop) -> npt.NDArray[np.float32]:
         """Return a fresh cloud (N, 3) [m, base frame]; arguments and errors as in `_fresh_cloud`."""
         raw = self._fresh_cloud(stamp_ns, should_stop)
-        # A cloud has come, so perception knows where the camera is: what says it is on its way to here, too.
-        self._runner.planner.place_camera(self._patiently(self._camera.position, should_stop))
+        # A cloud has come, so perception knows where the cameras are: what says it is on its way to here, too.
+        self._runner.planner.place_cameras(*self._patiently(self._camera.positions, should_stop))
         return conversions.cloud_from_raw(raw, self._parameters.robot.base_frame)
 
     def _fresh_cloud(self, stamp_ns: int, should_stop: ShouldStop) -> bytes:

@@ -20,7 +20,10 @@ _ANGLE_TOLERANCE = 1e-5  # [rad]
 _LIMIT_MARGIN = 0.02  # solutions keep this far from the joint limits [rad]
 _MAX_STEP = 0.4  # of a joint in one iteration [rad]
 _EYE6 = np.eye(6)
-_USUAL_SEEDS = 7
+_ELBOWS = (0.0, 0.5, -0.5, 1.1, -1.1)  # turns of joint 3 that solutions are looked for from [rad]
+_MANY_ELBOWS = (*_ELBOWS, 0.25, -0.25, 0.8, -0.8, 1.5, -1.5, 2.0, -2.0)
+_DRAWN = 40  # further seeds where solutions are looked for finely
+_OTHER_SEEDS = 2  # tried in any case: the reference, and the ready pose turned towards the target
 _RESTARTS = 60  # random seeds, tried only while nothing else has converged
 
 
@@ -106,16 +109,20 @@ class HandDownIk:
             return None
         return q
 
-    def solve_all(self, target: Pose, reference: FloatArray) -> list[IkSolution]:
+    def solve_all(self, target: Pose, reference: FloatArray, finely: bool = False) -> list[IkSolution]:
         """Return distinct solutions, the cheapest first: near to `reference` (7,) [rad] and far from the limits.
+
+        finely: from more of the elbow's positions, and from drawn ones.
 
         Raises:
             InverseKinematicsError: when no seed converges.
         """
         found: list[IkSolution] = []
         best_residual = math.inf
-        for number, seed in enumerate(self._seeds(target, reference)):
-            if found and number >= _USUAL_SEEDS:
+        elbows = _MANY_ELBOWS if finely else _ELBOWS
+        enough = len(elbows) + _OTHER_SEEDS + (_DRAWN if finely else 0)
+        for number, seed in enumerate(self._seeds(target, reference, elbows)):
+            if found and number >= enough:
                 break
             q, residual = self.refine(target, seed)
             best_residual = min(best_residual, residual)
@@ -149,7 +156,7 @@ class HandDownIk:
         crowded = np.clip(1.0 - to_limit / (0.15 * self._span), 0.0, 1.0)
         return distance + 1.5 * float(np.sum(crowded**2))
 
-    def _seeds(self, target: Pose, reference: FloatArray) -> Iterator[FloatArray]:
+    def _seeds(self, target: Pose, reference: FloatArray, elbows: tuple[float, ...]) -> Iterator[FloatArray]:
         """Yield the reference, then configurations turned towards the target with the wrist at its yaw."""
         x, y, _z = target.translation
         bearing = math.atan2(float(y), float(x))
@@ -162,7 +169,7 @@ class HandDownIk:
         wrist = math.pi / 4.0 + bearing - (yaw_of_hand(target) - math.pi / 2.0)
         wrist = (wrist - math.pi / 4.0 + math.pi) % (2.0 * math.pi) - math.pi + math.pi / 4.0
         seeds = [np.array(reference, dtype=np.float64)]
-        for elbow in (0.0, 0.5, -0.5, 1.1, -1.1):
+        for elbow in elbows:
             seed = base.copy()
             seed[0] -= elbow * 0.7
             seed[2] = elbow
@@ -171,7 +178,7 @@ class HandDownIk:
         ready = self._model.arm.ready.copy()
         ready[0] = bearing
         seeds.append(ready)
-        assert len(seeds) == _USUAL_SEEDS
+        assert len(seeds) == len(elbows) + _OTHER_SEEDS
         # Close to the base, between table and shoulder, only a twisted arm folds far enough.
         twisted = np.array([1.0, 0.22, -1.15, -2.69, -2.6, 3.55, 1.7])
         mirror = np.array([-1.0, 1.0, -1.0, 1.0, -1.0, 1.0, 1.0])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pinocchio as pin
@@ -33,11 +33,15 @@ _BRANCH_CHANGE = 0.35  # a joint that moves more between two solved poses has le
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """A trajectory for one phase, and the scene (hand, load, obstacles) that it must be checked in."""
+    """A trajectory for one phase, and the scene (hand, load, obstacles) that it must be checked in.
+
+    straightness: how far the tcp may be off the line from its start to its end [m]; None where there is no line.
+    """
 
     phase: Phase
     trajectory: JointTrajectory
     scene: Scene
+    straightness: float | None = None
 
 
 class MotionBuilder:
@@ -101,7 +105,8 @@ class MotionBuilder:
         if waypoints is None or not scene.is_valid(waypoints[-1]):
             return None
         try:
-            return self._timed(phase, waypoints, scene, speed or self.config.timing.tcp_speed_near)
+            near = speed or self.config.timing.tcp_speed_near
+            return self._timed(phase, waypoints, scene, near, self.config.straightness)
         except TrajectoryError:
             return None
 
@@ -119,14 +124,14 @@ class MotionBuilder:
             -forward.velocities[::-1],
             forward.accelerations[::-1].copy(),
         )
-        validate_trajectory(back, self.limits, scene)
-        return Motion(phase, back, scene)
+        validate_trajectory(back, self.limits, scene, motion.straightness)
+        return Motion(phase, back, scene, motion.straightness)
 
     def among(self, motion: Motion, grid: ObstacleGrid) -> Motion:
         """Return the same motion among other columns. Raises TrajectoryError when it does not pass."""
         scene = motion.scene.with_grid(grid)
-        validate_trajectory(motion.trajectory, self.limits, scene)
-        return Motion(motion.phase, motion.trajectory, scene)
+        validate_trajectory(motion.trajectory, self.limits, scene, motion.straightness)
+        return replace(motion, scene=scene)
 
     def cartesian_waypoints(self, start: FloatArray, end_pose: Pose) -> FloatArray | None:
         """Return configurations (N, 7) along the line, all on the branch of `start`, or None."""
@@ -148,15 +153,17 @@ class MotionBuilder:
             waypoints.append(solution)
         return np.stack(waypoints)
 
-    def _timed(self, phase: Phase, waypoints: FloatArray, scene: Scene, tcp_speed: float) -> Motion:
+    def _timed(
+        self, phase: Phase, waypoints: FloatArray, scene: Scene, tcp_speed: float, straightness: float | None = None
+    ) -> Motion:
         if float(np.abs(waypoints[-1] - waypoints[0]).max()) < 1e-4 and len(waypoints) == 2:
             resting = _resting(waypoints[0], self.model.arm.arm_joints)
             validate_trajectory(resting, self.limits, scene)
             return Motion(phase, resting, scene)
         period = self.config.timing.period
         trajectory = time_path(waypoints, self.limits, self.model, tcp_speed, period)
-        validate_trajectory(trajectory, self.limits, scene)
-        return Motion(phase, trajectory, scene)
+        validate_trajectory(trajectory, self.limits, scene, straightness)
+        return Motion(phase, trajectory, scene, straightness)
 
     def _stopping(self, phase: Phase, waypoints: FloatArray, scene: Scene) -> Motion:
         """Plan leg by leg with a stop at every corner: what is left when the rounded path touches something."""

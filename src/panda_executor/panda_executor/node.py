@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from functools import partial
 
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup, ReentrantCallbackGroup
@@ -59,7 +60,7 @@ class ExecutorNode(Node):
         self._joints = JointTracker(robot.arm_joints, robot.finger_joints, *ages)
         self.gate = Gate(lambda: self._joints.is_still(self._now_ns()))
         self._clouds = CloudCache(parameters.max_cloud_age, parameters.cloud_behind, parameters.max_ahead)
-        self._camera = CameraPlace(robot.base_frame)
+        self._camera = CameraPlace(robot.base_frame, parameters.cameras)
         self._calls = ReentrantCallbackGroup()
         self._controllers = Controllers(self, parameters, self._joints, self.gate.note_motion, self._calls)
         self._runner = self._make_runner(parameters)
@@ -93,9 +94,11 @@ class ExecutorNode(Node):
         self.create_subscription(String, topics.OWNER_HEARTBEAT, self._on_owner, 20, callback_group=data)
         latched = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self.create_subscription(TFMessage, topics.TF_STATIC, self._on_transforms, latched, callback_group=data)
-        self.create_subscription(
-            CameraInfo, topics.CAMERA_INFO, self._on_camera_info, best_effort, raw=True, callback_group=data
-        )
+        for number in range(1, self._settings.cameras + 1):
+            self.create_subscription(
+                CameraInfo, topics.of_camera(topics.CAMERA_INFO, number), partial(self._on_camera_info, number),
+                best_effort, raw=True, callback_group=data,
+            )  # fmt: skip
 
     def _offer(self) -> None:
         """Offer services, diagnostics, the heartbeat and, last, the actions."""
@@ -131,8 +134,8 @@ class ExecutorNode(Node):
                 continue
             self._camera.put(link.header.frame_id, link.child_frame_id, pose)
 
-    def _on_camera_info(self, raw: bytes) -> None:
-        self._camera.see(header_of_raw(raw)[1])
+    def _on_camera_info(self, number: int, raw: bytes) -> None:
+        self._camera.see(header_of_raw(raw)[1], number)
 
     def _report(self) -> None:
         now_ns = self._now_ns()

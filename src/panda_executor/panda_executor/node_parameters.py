@@ -7,12 +7,14 @@ from enum import Enum
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
+from cliport_core import topics
 from cliport_core.workspace import WorkspaceSpec
 from cliport_perception.calibration.calibration_file import load_calibration
 from panda_executor.arm_watch import ArmWatch
 from panda_executor.config import ExecutorConfig, SearchConfig
 from panda_executor.errors import ExecutorError
-from panda_executor.parameter_checks import Get, finite, not_negative, positive
+from panda_executor.parameter_checks import Get, finite, not_negative, positive, whole
+from panda_executor.scene import SceneConfig
 from panda_model import DEFAULT_PRESET, ArmModel, load_preset
 
 if TYPE_CHECKING:
@@ -28,7 +30,7 @@ class NodeParameters:
 
     auto_approve: False has each plan wait for its approval, for at most approval_time; self_clearance: between links of
     the arm [m]; owner_silence: of a motion's owner, until the motion is stopped; work_silence: between two looks at
-    a motion, until the heartbeat ends.
+    a motion, until the heartbeat ends; cameras: how many perception joins.
 
     require_owner: whether a goal that moves must name who asks for it.
 
@@ -51,6 +53,7 @@ class NodeParameters:
     watch: ArmWatch
     owner_silence: float
     work_silence: float
+    cameras: int
 
 
 def read_parameters(node: Node) -> NodeParameters:
@@ -93,6 +96,7 @@ def read_parameters(node: Node) -> NodeParameters:
         watch=_read_watch(get),
         owner_silence=positive(get, "owner_silence", 0.3),
         work_silence=positive(get, "work_silence", 0.25),
+        cameras=whole(get, "cameras", 1, topics.MOST_CAMERAS),
     )
 
 
@@ -144,6 +148,16 @@ def _share(get: Get, name: str, default: float) -> float:
     return value
 
 
+def _read_scene(get: Get, default: SceneConfig) -> SceneConfig:
+    margins = ("arm_clearance", "load_clearance", "own_margin")
+    return replace(
+        default,
+        table_z=_table_z(get, default.table_z),
+        unseen=_member(get, "unseen", default.unseen),
+        **{name: not_negative(get, name, getattr(default, name)) for name in margins},
+    )
+
+
 def _read_config(get: Get, robot: ArmModel) -> ExecutorConfig:
     config = ExecutorConfig.for_arm(robot)
     timing = {}
@@ -154,11 +168,12 @@ def _read_config(get: Get, robot: ArmModel) -> ExecutorConfig:
     force = float(get("grip_force", config.grip_force))
     if not 0.0 < force <= robot.hand.allowed_force:
         raise ExecutorError(f"grip_force must be in (0, {robot.hand.allowed_force:g}] N, got {force:g}")
-    scene = replace(config.scene, table_z=_table_z(get, config.scene.table_z))
     return replace(
         config,
         timing=replace(config.timing, **timing),
-        scene=scene,
+        scene=_read_scene(get, config.scene),
+        clearance=not_negative(get, "clearance", config.clearance),
+        straightness=positive(get, "straightness", config.straightness),
         table=replace(config.table, tolerance=positive(get, "table_tolerance", config.table.tolerance)),
         grip_force=force,
         search=_read_search(get, config.search),

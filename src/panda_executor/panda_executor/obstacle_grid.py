@@ -1,4 +1,4 @@
-"""The camera's view as a grid of columns standing on the table."""
+"""The cameras' view as a grid of columns standing on the table."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cliport_core.workspace import WorkspaceSpec
-from panda_executor.reach_map import POOLED_CELLS, ReachMap, pooled, with_shadows
+from panda_executor.reach_map import POOLED_CELLS, ReachMap, pooled, with_common_shadows
 from panda_model.limits import FloatArray
 
 BORDER = 0.1  # the grid reaches this far beyond the workspace: the hand is wider than its tcp [m]
@@ -22,7 +22,7 @@ class ObstacleGrid:
 
     Rows run along y, columns along x, as in WorkspaceSpec. What stands in a column is taken to reach down to
     the table: a camera that looks at a slant does not see under things. seen: (rows, cols) cells in which anything was
-    seen, the table too; camera: where that was seen from (3,) [m, base frame], None where unknown.
+    seen, the table too; cameras: where that was seen from, (3,) [m, base frame] each; none where that is unknown.
     """
 
     heights: FloatArray
@@ -30,7 +30,7 @@ class ObstacleGrid:
     y_min: float
     cell: float
     seen: npt.NDArray[np.bool_] | None = None
-    camera: FloatArray | None = None
+    cameras: tuple[FloatArray, ...] = ()
     highest: float = field(init=False)  # of the columns [m]
     _reach: list[ReachMap] = field(default_factory=list, init=False, repr=False)
 
@@ -55,11 +55,11 @@ class ObstacleGrid:
         workspace: WorkspaceSpec,
         floor: float,
         cell: float = 0.005,
-        camera: FloatArray | None = None,
+        cameras: tuple[FloatArray, ...] = (),
     ) -> ObstacleGrid:
         """Make a grid of points (N, 3) [m, base frame] without the arm's own; those up to `floor` [m] are the table.
 
-        camera: where they were seen from (3,) [m, base frame], where that is known.
+        cameras: where they were seen from, (3,) [m, base frame] each, where that is known.
         """
         free = cls.empty(workspace, cell)
         rows, cols = free.heights.shape
@@ -76,7 +76,7 @@ class ObstacleGrid:
         np.maximum.at(heights, index, z.astype(np.float64))
         heights[np.bincount(index, minlength=rows * cols) < _MIN_POINTS] = EMPTY
         shape = rows, cols
-        return cls(heights.reshape(shape), free.x_min, free.y_min, cell, seen.reshape(shape), camera)
+        return cls(heights.reshape(shape), free.x_min, free.y_min, cell, seen.reshape(shape), cameras)
 
     def heights_at(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """Return the column heights under positions of any shape [m, base frame]; free outside the grid."""
@@ -115,12 +115,12 @@ class ObstacleGrid:
     def reach(self, radii: FloatArray, floor: float, shadows: bool) -> ReachMap:
         """Return how low spheres of `radii` (N,) [m] may come; made once a grid.
 
-        shadows: whether what the camera could not see behind a column counts as filled up to its line of sight.
+        shadows: whether what no camera could see behind a column counts as filled up to the lowest line of sight.
         """
         if not self._reach:
             heights, cell = pooled(self.heights), self.cell * POOLED_CELLS
-            if shadows and self.camera is not None and self.seen is not None:
+            if shadows and self.cameras and self.seen is not None:
                 seen = pooled(self.seen)
-                heights = with_shadows(heights, seen, self.x_min, self.y_min, cell, self.camera, floor)
+                heights = with_common_shadows(heights, seen, self.x_min, self.y_min, cell, self.cameras, floor)
             self._reach.append(ReachMap.over(heights, self.x_min, self.y_min, cell, radii, floor))
         return self._reach[0]

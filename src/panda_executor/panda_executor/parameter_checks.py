@@ -11,6 +11,14 @@ from panda_executor.errors import ExecutorError
 Get = Callable[[str, Any], Any]  # declares a parameter of a name and a default, and returns its value
 
 
+def whole(get: Get, name: str, default: int, most: int) -> int:
+    """Return the parameter `name`. Raises ExecutorError unless it is from 1 to `most`."""
+    value = int(get(name, default))
+    if not 1 <= value <= most:
+        raise ExecutorError(f"{name} must be 1 to {most}, got {value}")
+    return value
+
+
 def finite(get: Get, name: str, default: float) -> float:
     """Return the parameter `name`. Raises ExecutorError unless it is a finite number."""
     value = float(get(name, default))

@@ -57,7 +57,7 @@ def _risen(before: ObstacleGrid, now: ObstacleGrid) -> ObstacleGrid:
     reach = int(np.ceil(_TOLERANCE / before.cell))
     around = ndimage.maximum_filter(before.heights, size=2 * reach + 1)
     new = now.heights > np.maximum(around, 0.0) + _TOLERANCE
-    return replace(now, heights=np.where(new, now.heights, EMPTY), seen=None, camera=None)
+    return replace(now, heights=np.where(new, now.heights, EMPTY), seen=None, cameras=())
 
 
 def _sunk_share(plan: PickPlacePlan, now: ObstacleGrid, motions: MotionBuilder) -> float:

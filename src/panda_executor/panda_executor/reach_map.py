@@ -108,6 +108,23 @@ def with_shadows(
     return filled
 
 
+def with_common_shadows(
+    heights: FloatArray,
+    seen: BoolArray,
+    x_min: float,
+    y_min: float,
+    cell: float,
+    cameras: tuple[FloatArray, ...],
+    floor: float,
+) -> FloatArray:
+    """Return columns as `with_shadows` does for what is hidden from every camera: up to the lowest line of sight.
+
+    seen: cells in which any camera saw anything. Every camera's picture is taken to cover the columns.
+    """
+    views = [with_shadows(heights, seen, x_min, y_min, cell, camera, floor) for camera in cameras]
+    return np.asarray(np.min(views, axis=0))
+
+
 def _raised(columns: FloatArray, radius: float, cell: float) -> FloatArray:
     """Return the height below which a sphere's centre touches a column, for every cell it may be in."""
     n = int(np.ceil(radius / cell)) + 1

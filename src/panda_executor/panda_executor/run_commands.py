@@ -171,7 +171,7 @@ class RunCommands:
         here = self.positions()
         try:
             trajectory = depart_from(motion.trajectory, here, self._limits, self.config.start_tolerance)
-            validate_trajectory(trajectory, self._limits, motion.scene.leaving(here))
+            validate_trajectory(trajectory, self._limits, motion.scene.leaving(here), motion.straightness)
         except TrajectoryError as error:
             words = f"{motion.phase.name.lower()} was not sent: {error}"
             raise EarlyEnd(Outcome.EXECUTION_FAILED, words, may_recover=True) from None

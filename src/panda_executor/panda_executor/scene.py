@@ -1,4 +1,4 @@
-"""Obstacles: the arm itself, the table, the camera's post, and what the camera saw."""
+"""Obstacles: the arm itself, the table, the cameras' posts, and what the cameras saw."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ _NEAR_CAMERA = ("link2", *_OVER_TABLE)
 
 
 class UnseenRule(Enum):
-    """The rule by which space that the camera did not see is free for the arm's links.
+    """The rule by which space that no camera saw is free for the arm's links.
 
-    FREE: all of it. SHADOW: not what lies behind something, below the camera's line of sight over it. For the hand and
+    FREE: all of it. SHADOW: not what lies behind something, below a camera's line of sight over it. For the hand and
     its load all of it is free: with one camera, the far side of every object is unseen.
     """
 
@@ -59,19 +59,20 @@ def add_table(model: PandaModel, config: SceneConfig) -> None:
     model.put_fixed_box("table", table, centre, _links(model, _OVER_TABLE), 0.0)
 
 
-def place_camera(model: PandaModel, config: SceneConfig, position: FloatArray) -> None:
-    """Put the camera and its post into the model, in place of where they stood.
+def place_camera(model: PandaModel, config: SceneConfig, position: FloatArray, number: int = 1) -> None:
+    """Put a camera and its post into the model, in place of where they stood.
 
-    position: of the optical centre (3,) [m, base frame].
+    position: of the optical centre (3,) [m, base frame]; number: of several cameras, from 1.
     """
+    name = "camera" if number == 1 else f"camera {number}"
     links = _links(model, _NEAR_CAMERA)
     camera = np.array(position, dtype=np.float64)
-    model.put_fixed_box("camera", np.full(3, config.camera_size), camera, links, config.fixed_clearance)
+    model.put_fixed_box(name, np.full(3, config.camera_size), camera, links, config.fixed_clearance)
     away = camera[:2] / max(float(np.linalg.norm(camera[:2])), 1e-6)
     foot = camera[:2] + away * config.post_behind
     height = max(float(camera[2]) - config.table_z, 0.1)
     model.put_fixed_box(
-        "camera post",
+        f"{name} post",
         np.array([config.post_size, config.post_size, height]),
         np.array([foot[0], foot[1], config.table_z + height / 2.0]),
         links,

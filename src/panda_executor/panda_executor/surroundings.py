@@ -1,4 +1,4 @@
-"""The scene of a motion that a person asks for: the camera's place and the newest cloud, without a goal."""
+"""The scene of a motion that a person asks for: the cameras' places and the newest cloud, without a goal."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from panda_executor.transfer import TransferPlanner
 
 
 class Surroundings:
-    """Tells the planner where the camera stands, and fetches the newest cloud.
+    """Tells the planner where the cameras stand, and fetches the newest cloud.
 
     Args:
         now_ns: ROS time.
@@ -36,9 +36,9 @@ class Surroundings:
         """Return what a motion cannot avoid at present, as a sentence; empty where a fresh cloud is there.
 
         Raises:
-            RequestError: while it is not known where the camera stands.
+            RequestError: while it is not known where a camera stands.
         """
-        self._camera.position()
+        self._camera.positions()
         try:
             self._clouds.get(self._now_ns(), 0, 0)
         except RequestError as error:
@@ -46,12 +46,12 @@ class Surroundings:
         return ""
 
     def cloud(self) -> npt.NDArray[np.float32] | None:
-        """Return the newest cloud (N, 3) [m, base frame], None without one, once the planner avoids the camera.
+        """Return the newest cloud (N, 3) [m, base frame], None without one, once the planner avoids the cameras.
 
         Raises:
-            RequestError: while it is not known where the camera stands.
+            RequestError: while it is not known where a camera stands.
         """
-        self._planner.place_camera(self._camera.position())
+        self._planner.place_cameras(*self._camera.positions())
         try:
             return conversions.cloud_from_raw(self._clouds.get(self._now_ns(), 0, 0), self._base_frame)
         except RequestError:

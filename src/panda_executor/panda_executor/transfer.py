@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
@@ -25,6 +26,7 @@ from panda_executor.object_moved import moved_problem, seen_shift
 from panda_executor.obstacle_grid import ObstacleGrid
 from panda_executor.phase import Phase
 from panda_executor.ports import ShouldStop
+from panda_executor.relevant_points import points_over
 from panda_executor.scene import Scene, add_table, place_camera
 from panda_executor.transfer_attempts import PickPlacePlan, TransferAttempts
 from panda_model.limits import FloatArray
@@ -55,13 +57,16 @@ class TransferPlanner:
         self.ik = HandDownIk(model)
         self.motions = MotionBuilder(model, self.ik, self.config)
         self.ready = model.arm.ready
-        self._camera: FloatArray | None = None
+        self._cameras: tuple[FloatArray, ...] = ()
 
-    def place_camera(self, position: FloatArray) -> None:
-        """Avoid the camera and its post from now on; position: of the optical centre (3,) [m, base frame]."""
-        if self._camera is None or float(np.abs(position - self._camera).max()) > _CAMERA_STILL:
-            self._camera = np.array(position)
-            place_camera(self.model, self.config.scene, self._camera)
+    def place_cameras(self, *positions: FloatArray) -> None:
+        """Avoid the cameras and their posts from now on; positions: of the optical centres (3,) [m, base frame]."""
+        for number, position in enumerate(positions):
+            known = self._cameras[number] if number < len(self._cameras) else None
+            if known is None or float(np.abs(position - known).max()) > _CAMERA_STILL:
+                known = np.array(position)
+                place_camera(self.model, self.config.scene, known, number + 1)
+            self._cameras = (*self._cameras[:number], known, *self._cameras[number + 1 :])
 
     def scene(self, grid: ObstacleGrid, hand: HandShape) -> Scene:
         """Return the surroundings with the given columns and hand."""
@@ -107,7 +112,7 @@ class TransferPlanner:
     ) -> ObstacleGrid:
         scene = self.config.scene
         floor = scene.table_z + scene.floor
-        grid = ObstacleGrid.from_cloud(points, workspace, floor, scene.grid_cell, self._camera)
+        grid = ObstacleGrid.from_cloud(points, workspace, floor, scene.grid_cell, self._cameras)
         return grid.without(self._hand_at(positions))
 
     def _hand_at(self, positions: FloatArray) -> FloatArray:
@@ -169,22 +174,36 @@ class TransferPlanner:
         on_phase(Phase.GRASP_PLANNING, 0.5)
         attempts = TransferAttempts(self.motions_within(budget), action, workspace, grid, start)
         reason = ""
+        for attempt in self._tries(attempts, grasps, cloud, around, grid):
+            budget.check(reason)
+            try:
+                plan = attempt()
+            except BudgetSpentError:
+                raise
+            except ExecutorError as error:
+                reason = reason or str(error)
+                continue
+            budget.check()
+            on_phase(Phase.GRASP_PLANNING, 1.0)
+            return plan
+        raise PlanningError(reason)
+
+    def _tries(
+        self,
+        attempts: TransferAttempts,
+        grasps: list[Grasp],
+        cloud: npt.NDArray[np.float32],
+        around: npt.NDArray[np.float32],
+        grid: ObstacleGrid,
+    ) -> Iterator[Callable[[], PickPlacePlan]]:
+        """Yield every grasp either way round, then each once more, from everywhere."""
         for grasp in grasps:
             rest = cloud[~grasp.covers(cloud, _OWN_MARGIN)]
-            rest_grid = self._rest_grid(around, grasp, workspace, start)
-            for flip in self._flips(grasp, start):
-                budget.check(reason)
-                try:
-                    plan = attempts.plan(grasp, flip, rest, rest_grid)
-                except BudgetSpentError:
-                    raise
-                except ExecutorError as error:
-                    reason = reason or str(error)
-                    continue
-                budget.check()
-                on_phase(Phase.GRASP_PLANNING, 1.0)
-                return plan
-        raise PlanningError(reason)
+            rest_grid = self._rest_grid(around, grasp, attempts.workspace, attempts.start, grid)
+            for flip in self._flips(grasp, attempts.start):
+                yield partial(attempts.plan, grasp, flip, rest, rest_grid)
+        for begun in attempts.begun:
+            yield partial(attempts.plan_from_anywhere, begun)
 
     def renewed(
         self, plan: PickPlacePlan, cloud: npt.NDArray[np.float32], workspace: WorkspaceSpec, start: FloatArray
@@ -200,7 +219,7 @@ class TransferPlanner:
             raise PlanningError(moved)
         around = self.surroundings(cloud, workspace, start)
         grid = self._columns(around, workspace, start)
-        rest_grid = self._rest_grid(around, plan.grasp, workspace, start)
+        rest_grid = self._rest_grid(around, plan.grasp, workspace, start, grid)
         return replace(
             plan,
             go_above=self.motions.among(plan.go_above, grid),
@@ -239,11 +258,19 @@ class TransferPlanner:
         return replace(plan, grasp=grasp, descend=descend, raise_up=raise_up)
 
     def _rest_grid(
-        self, around: npt.NDArray[np.float32], grasp: Grasp, workspace: WorkspaceSpec, start: FloatArray
+        self,
+        around: npt.NDArray[np.float32],
+        grasp: Grasp,
+        workspace: WorkspaceSpec,
+        start: FloatArray,
+        grid: ObstacleGrid,
     ) -> ObstacleGrid:
-        """Return the columns of the points `around` (N, 3) [m] without the object that is grasped."""
+        """Return the columns of the points `around` (N, 3) [m] without the object that is grasped.
+
+        grid: with it; where the object was seen, what is over it was seen to be free.
+        """
         taken = grasp.covers(around, _OWN_MARGIN) & (around[:, 2] < grasp.top_z + _OWN_MARGIN)
-        return self._columns(around[~taken], workspace, start)
+        return replace(self._columns(around[~taken], workspace, start), seen=grid.seen)
 
     def _flips(self, grasp: Grasp, start: FloatArray) -> list[float]:
         """Return 0 and pi, the cheaper for the arm first: the gripper is the same when turned around."""
@@ -251,21 +278,6 @@ class TransferPlanner:
         poses = {flip: hand_down_pose(x, y, grasp.tcp_z, grasp.yaw + flip) for flip in (0.0, math.pi)}
         costs = {flip: self.ik.near_cost(pose, start) for flip, pose in poses.items()}
         return sorted(costs, key=lambda flip: costs[flip])
-
-
-def points_over(cloud: npt.NDArray[np.float32], workspace: WorkspaceSpec) -> npt.NDArray[np.float32]:
-    """Return the points (N, 3) over and around the workspace, whatever their height; NaN are dropped."""
-    border = 0.12
-    near = (cloud[:, 0] > workspace.x_min - border) & (cloud[:, 0] < workspace.x_max + border)
-    near &= (cloud[:, 1] > workspace.y_min - border) & (cloud[:, 1] < workspace.y_max + border)
-    near &= cloud[:, 2] > workspace.z_min - 0.02
-    return cloud.take(np.flatnonzero(near), axis=0)
-
-
-def relevant_points(cloud: npt.NDArray[np.float32], workspace: WorkspaceSpec) -> npt.NDArray[np.float32]:
-    """Return the points (N, 3) of what may be grasped: over and around the workspace, up to its z_max."""
-    near = points_over(cloud, workspace)
-    return near[near[:, 2] <= workspace.z_max]
 
 
 def _within(points: npt.NDArray[np.float32], centres: FloatArray, radii: FloatArray) -> npt.NDArray[np.bool_]:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -11,10 +10,11 @@ import numpy.typing as npt
 from cliport_core.action import PickPlaceAction
 from cliport_core.pose import PlanarPose
 from cliport_core.workspace import WorkspaceSpec
-from panda_executor.errors import BudgetSpentError, ExecutorError, InverseKinematicsError, PlanningError
+from panda_executor.approaches import Approach, Target, more_approaches, pairs, usual_approaches
+from panda_executor.errors import BudgetSpentError, ExecutorError, PlanningError
 from panda_executor.grasp import Grasp
 from panda_executor.hand_geometry import HandShape
-from panda_executor.ik import hand_down_pose, tilted
+from panda_executor.ik import hand_down_pose
 from panda_executor.motions import Motion, MotionBuilder
 from panda_executor.obstacle_grid import ObstacleGrid
 from panda_executor.phase import Phase
@@ -24,8 +24,8 @@ from panda_model.limits import FloatArray
 
 _RELEASE_STEP = 0.005  # between two heights of the release that are tried [m]
 _RELEASE_RAISE = 0.05  # the object may be let go this much higher than wished [m]
-_MAX_BRANCHES = 4  # of the inverse kinematics that are tried for one pose
 _NO_APPROACH = "no approach to the object is free"
+_NO_WAY_DOWN = "no way down at the place"
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,25 +50,6 @@ class PickPlacePlan:
         )  # fmt: skip
 
 
-@dataclass(frozen=True)
-class _Target:
-    """A pose of the hand pointing down: tcp x, y, z [m, base frame] and yaw [rad]; above_z: where it begins [m]."""
-
-    x: float
-    y: float
-    z: float
-    above_z: float
-    yaw: float
-
-
-@dataclass(frozen=True, eq=False)
-class _Approach:
-    """A branch of the arm above a pose, and the straight motion down to it."""
-
-    above: FloatArray
-    down: Motion
-
-
 @dataclass(frozen=True, eq=False)
 class _Scenes:
     """The scene of each motion: its obstacles, and the hand with what it holds.
@@ -83,6 +64,21 @@ class _Scenes:
     carried_wide: Scene
     released: Scene
     leaving: Scene
+
+
+@dataclass(frozen=True, eq=False)
+class Attempt:
+    """One grasp, held one way round: its release, where hand and object come from, and which ways were looked for.
+
+    ways: of each phase between two configurations, as bytes: the motion, or why there is none.
+    """
+
+    grasp: Grasp
+    placement: Placement
+    pick_at: Target
+    place_at: Target
+    scenes: _Scenes
+    ways: dict[tuple[Phase, bytes, bytes], Motion | ExecutorError] = field(default_factory=dict)
 
 
 class TransferAttempts:
@@ -102,7 +98,9 @@ class TransferAttempts:
         start: FloatArray,
     ) -> None:
         self._motions, self._config = motions, motions.config
-        self._action, self._workspace, self._grid, self._start = action, workspace, grid, start
+        self._action, self._grid = action, grid
+        self.workspace, self.start = workspace, start
+        self.begun: list[Attempt] = []  # those whose objects can be let go at the place
 
     def plan(self, grasp: Grasp, flip: float, rest: npt.NDArray[np.float32], rest_grid: ObstacleGrid) -> PickPlacePlan:
         """Plan every motion with one grasp.
@@ -114,44 +112,83 @@ class TransferAttempts:
         Raises:
             ExecutorError: names the last motion that failed.
         """
+        attempt = self._attempt(grasp, flip, rest, rest_grid)
+        self.begun.append(attempt)
+        reason, scenes = _NO_APPROACH, attempt.scenes
+        for pick in usual_approaches(self._motions, Phase.DESCEND, attempt.pick_at, scenes.opened, self.start):
+            for place in usual_approaches(self._motions, Phase.LOWER, attempt.place_at, scenes.carried, pick.above):
+                try:
+                    return self._joined(attempt, pick, place)
+                except BudgetSpentError:
+                    raise
+                except ExecutorError as error:
+                    reason = str(error)
+            reason = reason if reason != _NO_APPROACH else _NO_WAY_DOWN
+        raise PlanningError(reason)
+
+    def plan_from_anywhere(self, attempt: Attempt) -> PickPlacePlan:
+        """Plan what was begun and not found, from every height and branch. Raises ExecutorError as `plan` does."""
+        scenes = attempt.scenes
+        picks = more_approaches(self._motions, Phase.DESCEND, attempt.pick_at, scenes.opened, self.start)
+        places = more_approaches(self._motions, Phase.LOWER, attempt.place_at, scenes.carried, self.start)
+        reason = "no way down at the object and the place"
+        reached = (pick for pick in picks if scenes.coming.is_valid(pick.above))  # with room to travel to and from
+        left = (place for place in places if scenes.carried_wide.is_valid(place.above))
+        for pick, place in pairs(reached, left):
+            try:
+                return self._joined(attempt, pick, place)
+            except BudgetSpentError:
+                raise
+            except ExecutorError as error:
+                reason = str(error)
+        raise PlanningError(reason)
+
+    def _attempt(self, grasp: Grasp, flip: float, rest: npt.NDArray[np.float32], rest_grid: ObstacleGrid) -> Attempt:
+        """Return what the motions with one grasp are to do; arguments as in `plan`.
+
+        Raises:
+            ExecutorError: where the object cannot be let go at the place.
+        """
         turn = self._action.place.yaw - self._action.pick.yaw
         grasp, placement = self._lowest_release(grasp, grasp.yaw + flip + turn, rest)
         loaded = HandShape(self._config.hand, grasp.width, grasp.held(flip))
         placement = self._clear_placement(placement, rest_grid, loaded)
         above_z = max(grasp.tcp_z, placement.tcp_z) + self._config.approach_height
         x, y = float(grasp.centroid[0]), float(grasp.centroid[1])
-        pick_at = _Target(x, y, grasp.tcp_z, above_z, grasp.yaw + flip)
-        place_at = _Target(placement.x, placement.y, placement.tcp_z, above_z, placement.yaw)
-        scenes = self._scenes(grasp, placement, loaded, rest_grid)
-        reason = _NO_APPROACH
-        for pick in self._approaches(Phase.DESCEND, pick_at, scenes.opened, self._start):
+        pick_at = Target(x, y, grasp.tcp_z, above_z, grasp.yaw + flip)
+        place_at = Target(placement.x, placement.y, placement.tcp_z, above_z, placement.yaw)
+        return Attempt(grasp, placement, pick_at, place_at, self._scenes(grasp, placement, loaded, rest_grid))
+
+    def _joined(self, attempt: Attempt, pick: Approach, place: Approach) -> PickPlacePlan:
+        """Plan the motions before, between and after both ways down; those that need no search first."""
+        scenes, ready = attempt.scenes, self._motions.model.arm.ready
+        raise_up = self._motions.reversed(Phase.RAISE, pick.down, scenes.carried)
+        leave = self._motions.reversed(Phase.RETREAT, place.down, scenes.released)
+        go_above = self._way(attempt, Phase.GO_ABOVE_PICK, self.start, pick.above, scenes.coming)
+        carry = self._way(attempt, Phase.CARRY, pick.above, place.above, scenes.carried_wide)
+        retreat = self._way(attempt, Phase.RETREAT, place.above, ready, scenes.leaving)
+        return PickPlacePlan(
+            attempt.grasp, attempt.placement, go_above, pick.down, raise_up, carry, place.down, leave, retreat
+        )
+
+    def _way(self, attempt: Attempt, phase: Phase, start: FloatArray, goal: FloatArray, scene: Scene) -> Motion:
+        """Return the motion between two configurations (7,) [rad], as it was found when it was asked for first.
+
+        Raises:
+            ExecutorError: as it was raised then.
+        """
+        key = phase, start.tobytes(), goal.tobytes()
+        if key not in attempt.ways:
             try:
-                go_above = self._motions.travel(Phase.GO_ABOVE_PICK, self._start, pick.above, scenes.coming)
-                raise_up = self._motions.reversed(Phase.RAISE, pick.down, scenes.carried)
+                attempt.ways[key] = self._motions.travel(phase, start, goal, scene)
             except BudgetSpentError:
                 raise
             except ExecutorError as error:
-                reason = str(error)
-                continue
-            for place in self._approaches(Phase.LOWER, place_at, scenes.carried, pick.above):
-                try:
-                    carry, leave, retreat = self._after_pick(pick, place, scenes)
-                except BudgetSpentError:
-                    raise
-                except ExecutorError as error:
-                    reason = str(error)
-                    continue
-                return PickPlacePlan(grasp, placement, go_above, pick.down, raise_up, carry, place.down, leave, retreat)
-            reason = reason if reason != _NO_APPROACH else "no way down at the place"
-        raise PlanningError(reason)
-
-    def _after_pick(self, pick: _Approach, place: _Approach, scenes: _Scenes) -> tuple[Motion, Motion, Motion]:
-        """Plan the way to the place, up from it, and to the ready pose."""
-        ready = self._motions.model.arm.ready
-        carry = self._motions.travel(Phase.CARRY, pick.above, place.above, scenes.carried_wide)
-        leave = self._motions.reversed(Phase.RETREAT, place.down, scenes.released)
-        retreat = self._motions.travel(Phase.RETREAT, place.above, ready, scenes.leaving)
-        return carry, leave, retreat
+                attempt.ways[key] = error
+        found = attempt.ways[key]
+        if isinstance(found, ExecutorError):
+            raise found
+        return found
 
     def _scenes(self, grasp: Grasp, placement: Placement, loaded: HandShape, rest_grid: ObstacleGrid) -> _Scenes:
         hand, clearance = self._config.hand, self._config.clearance
@@ -177,7 +214,7 @@ class TransferAttempts:
     def _placement(self, grasp: Grasp, yaw: float, cloud: npt.NDArray[np.float32]) -> Placement:
         config = self._config
         at = self._action.place if config.centre_grasp else _with_offset(self._action, grasp)
-        return plan_placement(cloud, at, yaw, grasp, self._workspace, config.scene.table_z, config.placement)
+        return plan_placement(cloud, at, yaw, grasp, self.workspace, config.scene.table_z, config.placement)
 
     def _clear_placement(self, placement: Placement, grid: ObstacleGrid, loaded: HandShape) -> Placement:
         """Return the placement, raised until hand, load and opened fingers are out of the columns.
@@ -195,31 +232,6 @@ class TransferAttempts:
             f"no room for hand and object at the place ({placement.x:.3f}, {placement.y:.3f}) m, "
             f"even {_RELEASE_RAISE * 100:.0f} cm higher"
         )
-
-    def _approaches(self, phase: Phase, target: _Target, scene: Scene, reference: FloatArray) -> Iterator[_Approach]:
-        """Yield branches above a pose from which a straight motion leads down to it; upright ones first.
-
-        Close to its base the arm cannot fold enough to keep the hand upright at every height: there it leans
-        outwards above the object and rights itself on the way down.
-        """
-        goal = hand_down_pose(target.x, target.y, target.z, target.yaw)
-        for lean in self._config.lean:
-            self._motions.budget.check()
-            above_pose = tilted(hand_down_pose(target.x, target.y, target.above_z, target.yaw), lean)
-            try:
-                solutions = self._motions.ik.solve_all(above_pose, reference)
-            except InverseKinematicsError:
-                continue
-            found = False
-            for solution in solutions[:_MAX_BRANCHES]:
-                if not scene.is_valid(solution.positions):
-                    continue
-                down = self._motions.straight(phase, solution.positions, goal, scene)
-                if down is not None:
-                    found = True
-                    yield _Approach(solution.positions, down)
-            if found:
-                return
 
 
 def _with_offset(action: PickPlaceAction, grasp: Grasp) -> PlanarPose:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from panda_executor.errors import TrajectoryError
+from panda_executor.model import PandaModel
 from panda_executor.scene import Scene
 from panda_executor.trajectory import JointTrajectory
 from panda_model.limits import FloatArray, JointLimits
@@ -13,15 +14,19 @@ MAX_JOINT_STEP = 0.02  # between two configurations that are checked [rad]
 MAX_TCP_STEP = 0.01  # [m]
 CONTROL_PERIOD = 0.001  # of the arm's controller, which interpolates between the points [s]
 _THINNED = 10  # control periods between two configurations whose distance is measured
+_LINE_PERIOD = 0.02  # between two looks at the line of a straight motion [s]
 _TOLERANCE = 1.02  # on velocity, acceleration and jerk: rounding of the interpolation
 
 
-def validate_trajectory(trajectory: JointTrajectory, limits: JointLimits, scene: Scene) -> None:
-    """Check form, limits and collisions of what the controller will do with a trajectory.
+def validate_trajectory(
+    trajectory: JointTrajectory, limits: JointLimits, scene: Scene, straightness: float | None = None
+) -> None:
+    """Check form, limits, straightness and collisions of what the controller will do with a trajectory.
 
     Args:
         limits: position, velocity, acceleration and jerk that must hold between the points, too.
         scene: the hand as it is during this motion, and what it must not touch.
+        straightness: how far the tcp may be off the line from its start to its end [m]; None: there is no line.
 
     Raises:
         TrajectoryError: names the first thing that is wrong.
@@ -29,6 +34,8 @@ def validate_trajectory(trajectory: JointTrajectory, limits: JointLimits, scene:
     _check_form(trajectory)
     position, velocity, acceleration, jerk = trajectory.sample(_controller_times(trajectory.times))
     _check_limits(trajectory, limits, position, velocity, acceleration, jerk)
+    if straightness is not None:
+        _check_straight(trajectory, scene.model, straightness)
     thinned = np.concatenate([position[:-1:_THINNED], position[-1:]])
     _check_collisions(scene, dense_positions(thinned, scene))
 
@@ -36,6 +43,20 @@ def validate_trajectory(trajectory: JointTrajectory, limits: JointLimits, scene:
 def _controller_times(times: FloatArray) -> FloatArray:
     """Return the times [s] at which the controller interpolates a trajectory's `times` (N,), and those themselves."""
     return np.unique(np.concatenate([times, np.arange(times[0], times[-1], CONTROL_PERIOD)]))
+
+
+def _check_straight(trajectory: JointTrajectory, model: PandaModel, most: float) -> None:
+    """Check that the tcp stays on the line from its start to its end, but for `most` [m]. Raises TrajectoryError."""
+    times = np.append(np.arange(trajectory.times[0], trajectory.times[-1], _LINE_PERIOD), trajectory.times[-1])
+    tcp = np.array([model.tcp_arrays(positions)[1] for positions in trajectory.sample(times)[0]])
+    along = tcp[-1] - tcp[0]
+    length = max(float(np.linalg.norm(along)), 1e-9)
+    share = np.clip((tcp - tcp[0]) @ along / length**2, 0.0, 1.0)
+    off = float(np.linalg.norm(tcp - tcp[0] - share[:, None] * along, axis=1).max())
+    if off > most:
+        raise TrajectoryError(
+            f"the hand would be {1e3 * off:.1f} mm off its straight way (at most {1e3 * most:g} mm, straightness)"
+        )
 
 
 def _check_form(trajectory: JointTrajectory) -> None:

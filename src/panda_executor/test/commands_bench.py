@@ -88,9 +88,10 @@ class CommandBench:
         self.log.append("depart")
         return replace(trajectory, velocities=np.full((3, 7), 0.5))
 
-    def _validate(self, trajectory: JointTrajectory, limits: Any, scene: Any) -> None:
+    def _validate(self, trajectory: JointTrajectory, limits: Any, scene: Any, straightness: float | None) -> None:
         assert trajectory.velocities[0, 0] == 0.5, "what is sent is what was checked"
         assert limits is PANDA.limits and scene == ("leaving", self.arm.positions.tolist())
+        assert straightness is None, "no line is planned here"
         self.log.append("validate")
         if not self.valid:
             raise TrajectoryError("it touches a box")

@@ -40,7 +40,7 @@ def planner() -> TransferPlanner:
     """A planner whose searches end by their number of checks, not by the clock: the same on a busy machine."""
     config = ExecutorConfig(search=SearchConfig(time_limit=60.0), planning_time=60.0, after_failure=AfterFailure.STAY)
     planner = TransferPlanner(PandaModel(), config)
-    planner.place_camera(CAMERA)
+    planner.place_cameras(CAMERA)
     return planner
 
 

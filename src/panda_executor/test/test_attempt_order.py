@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
@@ -15,6 +15,7 @@ from cliport_core.action import PickPlaceAction
 from cliport_core.pose import PlanarPose
 from cliport_core.workspace import WorkspaceSpec
 from panda_executor import transfer_attempts
+from panda_executor.approaches import Approach, Target, usual_approaches
 from panda_executor.config import ExecutorConfig
 from panda_executor.errors import BudgetSpentError, InverseKinematicsError, PlanningError, TrajectoryError
 from panda_executor.grasp import Grasp
@@ -24,7 +25,7 @@ from panda_executor.motions import MotionBuilder
 from panda_executor.obstacle_grid import ObstacleGrid
 from panda_executor.phase import Phase
 from panda_executor.placement import Placement
-from panda_executor.transfer_attempts import PickPlacePlan, TransferAttempts, _Target
+from panda_executor.transfer_attempts import PickPlacePlan, TransferAttempts
 from panda_model import load_preset
 
 HAND = load_preset().hand
@@ -121,8 +122,8 @@ def kinds(builder: Builder) -> list[Any]:
 def test_a_plan_has_each_motion_in_its_scene(builder: Builder) -> None:
     made = cast(Any, plan(builder, math.pi))
     assert kinds(builder) == [
-        Phase.DESCEND, Phase.GO_ABOVE_PICK, Phase.RAISE, Phase.LOWER, Phase.CARRY, Phase.RETREAT, Phase.RETREAT
-    ]  # fmt: skip
+        Phase.DESCEND, Phase.LOWER, Phase.RAISE, Phase.RETREAT, Phase.GO_ABOVE_PICK, Phase.CARRY, Phase.RETREAT
+    ], "what may need a search is asked for last"  # fmt: skip
     first = np.full(7, 1.0)
     scenes = [motion.details[-1] for motion in made.motions]
     assert [scene.grid for scene in scenes] == [ALL] + [LEFT] * 6
@@ -217,22 +218,22 @@ def test_a_release_is_raised_five_centimetres_at_most() -> None:
     assert str(caught.value) == words and max(tried) == pytest.approx(0.1)
 
 
-def approaches(builder: Builder) -> list[Any]:
-    target = _Target(0.3, 0.1, 0.02, 0.2, 0.4)
+def approaches(builder: Builder) -> list[Approach]:
     scene = builder.scene(LEFT, HandShape(HAND))
-    return list(attempts(builder)._approaches(Phase.LOWER, target, scene, START))
+    motions = cast(MotionBuilder, builder)
+    return list(usual_approaches(motions, Phase.LOWER, Target(0.3, 0.1, 0.02, 0.2, 0.4), scene, START))
 
 
-def test_four_branches_are_tried_upright_and_those_that_are_free_given(builder: Builder) -> None:
-    builder.found = lambda pose: [1.0, 2.0, 3.0, 4.0, 5.0]
+def test_four_free_branches_are_tried_upright_and_those_that_lead_down_given(builder: Builder) -> None:
+    builder.found = lambda pose: [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]
     builder.valid = lambda branch: branch != 2.0
     builder.fails[Phase.LOWER] = [PlanningError("no line"), None]
     found = approaches(builder)
-    assert [float(approach.above[0]) for approach in found] == [3.0, 4.0]
+    assert [float(approach.above[0]) for approach in found] == [3.0, 4.0, 5.0]
     downs = [asked for asked in builder.asked if asked[0] == "straight"]
-    assert [float(down[2][0]) for down in downs] == [1.0, 3.0, 4.0], "an invalid branch leads nowhere"
+    assert [float(down[2][0]) for down in downs] == [1.0, 3.0, 4.0, 5.0], "an invalid branch is none of the four"
     assert all(down[3].is_close(hand_down_pose(0.3, 0.1, 0.02, 0.4)) for down in downs)
-    assert found[0].down.details[0] is found[0].above
+    assert cast(Any, found[0].down).details[0] is found[0].above
     assert [asked[0] for asked in builder.asked].count("ik") == 1, "the hand leans although upright is free"
 
 
@@ -257,7 +258,7 @@ def test_the_hand_leans_where_upright_has_no_branch_or_no_free_one(builder: Buil
 def test_where_a_motion_fails_the_next_branch_is_tried(builder: Builder, phase: Phase) -> None:
     builder.fails[phase] = [TrajectoryError("touches")]
     made = cast(Any, plan(builder))
-    changed = made.retreat if phase in (Phase.CARRY, Phase.RETREAT) else made.carry
+    changed = made.lower if phase in (Phase.RAISE, Phase.CARRY, Phase.RETREAT) else made.carry
     assert float(changed.details[0][0]) == 2.0
     builder.fails[phase] = [*(TrajectoryError("first") for _ in range(9))]
     with pytest.raises(PlanningError, match=r"^first$"):
@@ -267,6 +268,50 @@ def test_where_a_motion_fails_the_next_branch_is_tried(builder: Builder, phase: 
     with pytest.raises(BudgetSpentError, match="too long"):
         plan(builder)
     assert len(builder.asked) - spent < 12
+
+
+def test_no_way_is_looked_for_twice(builder: Builder) -> None:
+    builder.fails = {Phase.CARRY: [PlanningError("no way across")] * 4}
+    own = attempts(builder)
+    with pytest.raises(PlanningError, match=r"^no way across$"):
+        own.plan(GRASP, 0.0, REST, LEFT)
+    asked = kinds(builder)
+    assert (asked.count(Phase.GO_ABOVE_PICK), asked.count(Phase.CARRY)) == (2, 4)
+    assert len(own.begun) == 1 and own.begun[0].grasp is GRASP
+
+
+def test_what_was_begun_is_tried_from_every_height_the_lowest_pairs_first(
+    builder: Builder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    own = attempts(builder)
+    own.plan(GRASP, 0.0, REST, LEFT)
+    (begun,) = own.begun
+    joined: list[tuple[float, float]] = []
+    looked: list[tuple[Phase, float]] = []
+    from_pose = [Approach(np.full(7, height), cast(Any, "a way down")) for height in (1.0, 2.0, 3.0)]
+
+    def more(motions: Any, phase: Phase, target: Target, scene: Any, reference: np.ndarray) -> Iterator[Approach]:
+        wanted = {
+            Phase.DESCEND: (begun.pick_at, begun.scenes.opened),
+            Phase.LOWER: (begun.place_at, begun.scenes.carried),
+        }
+        at, among = wanted[phase]
+        assert target is at and scene is among and reference is START
+        for approach in from_pose if phase is Phase.DESCEND else from_pose[:2]:
+            looked.append((phase, float(approach.above[0])))
+            yield approach
+
+    def join(attempt: Any, pick: Approach, place: Approach) -> Any:
+        joined.append((float(pick.above[0]), float(place.above[0])))
+        if len(joined) == 1:
+            assert looked == [(Phase.DESCEND, 1.0), (Phase.LOWER, 1.0)], "no more is looked for than is needed"
+        raise PlanningError(f"no way {len(joined)}")
+
+    monkeypatch.setattr(transfer_attempts, "more_approaches", more)
+    monkeypatch.setattr(own, "_joined", join)
+    with pytest.raises(PlanningError, match=r"^no way 6$"):
+        own.plan_from_anywhere(begun)
+    assert joined == [(1.0, 1.0), (1.0, 2.0), (2.0, 1.0), (2.0, 2.0), (3.0, 1.0), (3.0, 2.0)]
 
 
 def test_a_failure_is_named_by_its_last_reason(builder: Builder) -> None:
@@ -281,7 +326,4 @@ def test_a_failure_is_named_by_its_last_reason(builder: Builder) -> None:
         plan(builder)
     builder.fails = {Phase.LOWER: [PlanningError("no line")] * 8}
     with pytest.raises(PlanningError, match=r"^no way down at the place$"):
-        plan(builder)
-    builder.fails = {Phase.GO_ABOVE_PICK: [PlanningError("no way")], Phase.LOWER: [PlanningError("no line")] * 8}
-    with pytest.raises(PlanningError, match=r"^no way$"):
         plan(builder)

@@ -17,7 +17,7 @@ from panda_executor.hand_geometry import HandShape, HeldObject
 from panda_executor.ik import hand_down_pose
 from panda_executor.model import PandaModel
 from panda_executor.obstacle_grid import ObstacleGrid
-from panda_executor.reach_map import ReachMap, with_shadows
+from panda_executor.reach_map import ReachMap, with_common_shadows, with_shadows
 from panda_executor.scene import UnseenRule
 from panda_executor.transfer import TransferPlanner
 from panda_executor.transfer_attempts import PickPlacePlan
@@ -137,6 +137,26 @@ def test_unseen_space_behind_a_column_counts_as_filled_up_to_the_line_of_sight()
     assert shadow[10] == pytest.approx(0.2 - 0.1 * (0.8 - 0.2) / (1.0 - 0.405), abs=0.015)
 
 
+def test_a_second_camera_leaves_of_a_shadow_what_it_does_not_see_either() -> None:
+    heights, seen = np.full((61, 61), -1.0), np.ones((61, 61), dtype=bool)
+    heights[28:33, 40] = 0.2
+    seen[28:33, 20:40] = False
+    ahead, aside = np.array([1.0, 0.305, 0.8]), np.array([0.305, 1.2, 0.8])
+    alone = with_shadows(heights, seen, 0.0, 0.0, 0.01, ahead, FLOOR)
+    both = with_common_shadows(heights, seen, 0.0, 0.0, 0.01, (ahead, aside), FLOOR)
+    np.testing.assert_array_equal(both, with_common_shadows(heights, seen, 0.0, 0.0, 0.01, (aside, ahead), FLOOR))
+    assert (alone[28:33, 30] > FLOOR).all() and (both[28:33, 30] == -1.0).all(), "the other looks there past it"
+    steep = np.array([0.99, 0.305, 3.0])
+    lines = with_shadows(heights, seen, 0.0, 0.0, 0.01, steep, FLOOR)
+    near = lines > heights
+    assert near.any() and (lines[near] < alone[near]).all()
+    np.testing.assert_array_equal(
+        with_common_shadows(heights, seen, 0.0, 0.0, 0.01, (ahead, steep), FLOOR), lines, "the lowest line counts"
+    )
+    seen[28:33, 20:40] = True  # by either
+    np.testing.assert_array_equal(with_common_shadows(heights, seen, 0.0, 0.0, 0.01, (ahead, aside), FLOOR), heights)
+
+
 def test_a_column_that_is_higher_than_the_camera_has_no_shadow() -> None:
     heights, seen = np.full((3, 60), -1.0), np.zeros((3, 60), dtype=bool)
     heights[1, 40] = 0.85
@@ -159,7 +179,7 @@ def test_a_shadow_that_leaves_the_grid_does_not_come_in_at_its_other_side(turned
 @pytest.mark.parametrize(("rule", "touches"), [(UnseenRule.FREE, False), (UnseenRule.SHADOW, True)])
 def test_the_rule_for_unseen_space_is_a_setting(workspace: WorkspaceSpec, rule: UnseenRule, touches: bool) -> None:
     wall = np.stack(np.meshgrid([0.5, 0.502], np.arange(-0.1, 0.1, 0.002), [0.3]), -1).reshape(-1, 3)
-    grid = ObstacleGrid.from_cloud(wall.astype(np.float32), workspace, FLOOR, camera=np.array([0.92, 0.0, 2.0]))
+    grid = ObstacleGrid.from_cloud(wall.astype(np.float32), workspace, FLOOR, cameras=(np.array([0.92, 0.0, 2.0]),))
     radii = np.array([0.05])
     behind = np.array([[0.42, 0.0, 0.2]])
     assert grid.reach(radii, FLOOR, rule is UnseenRule.SHADOW).hits(behind, radii).any() == touches

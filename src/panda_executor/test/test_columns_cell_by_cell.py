@@ -31,7 +31,7 @@ def test_an_empty_grid_reaches_beyond_the_workspace_and_holds_nothing() -> None:
     grid = ObstacleGrid.empty(SMALL, CELL)
     assert grid.heights.shape == (ROWS, COLS) and (grid.heights == -1.0).all()
     assert (grid.x_min, grid.y_min) == pytest.approx((0.2, -0.3))
-    assert (grid.cell, grid.highest, grid.seen, grid.camera) == (CELL, -1.0, None, None)
+    assert (grid.cell, grid.highest, grid.seen, grid.cameras) == (CELL, -1.0, None, ())
     assert ObstacleGrid.empty(SMALL).heights.shape == (89, 59), "cells of 5 mm"
     assert ObstacleGrid.empty(SMALL, 0.04).heights.shape == (12, 8), "the last cell may stick out"
 
@@ -54,10 +54,10 @@ def test_the_columns_of_a_cloud_are_those_of_a_loop_over_its_points() -> None:
     heights[count < 2] = -1.0
     camera = np.array([0.9, 0.1, 0.8])
     for given, expected in ((cloud, seen), (cloud[np.isfinite(cloud[:, 2])], seen)):
-        grid = ObstacleGrid.from_cloud(given, SMALL, FLOOR, CELL, camera)
+        grid = ObstacleGrid.from_cloud(given, SMALL, FLOOR, CELL, (camera,))
         np.testing.assert_array_equal(grid.heights, heights)
         np.testing.assert_array_equal(grid.seen, expected)
-        np.testing.assert_array_equal(grid.camera, camera)
+        np.testing.assert_array_equal(grid.cameras, [camera])
         assert (grid.x_min, grid.y_min, grid.cell) == pytest.approx((0.2, -0.3, CELL))
         assert grid.highest == heights.max()
     assert 0 < (heights > 0).sum() < seen.sum() < ROWS * COLS
@@ -103,7 +103,7 @@ def test_columns_that_hold_a_point_are_taken_away_and_no_others() -> None:
     rng = np.random.default_rng(4)
     heights = rng.uniform(0.05, 0.2, (6, 9))
     seen, camera = rng.random((6, 9)) < 0.5, np.array([1.0, 0.0, 0.8])
-    grid = ObstacleGrid(heights, 0.2, -0.3, CELL, seen, camera)
+    grid = ObstacleGrid(heights, 0.2, -0.3, CELL, seen, (camera,))
     inside, over = (2, 7), (4, 1)
     points = np.array([[*centre_of(*inside), 0.01], [*centre_of(*over), 0.21], [0.1, 0.1, 0.01]])
     left = grid.without(points)
@@ -111,7 +111,7 @@ def test_columns_that_hold_a_point_are_taken_away_and_no_others() -> None:
     expected[inside] = -1.0
     np.testing.assert_array_equal(left.heights, expected)
     np.testing.assert_array_equal(grid.heights, heights)
-    assert left.seen is seen and left.camera is camera and (left.x_min, left.y_min, left.cell) == (0.2, -0.3, CELL)
+    assert left.seen is seen and left.cameras == (camera,) and (left.x_min, left.y_min, left.cell) == (0.2, -0.3, CELL)
 
 
 def test_columns_that_reach_into_a_sphere_are_taken_away_and_no_others() -> None:
@@ -239,7 +239,7 @@ def test_the_reach_over_a_grid_is_that_over_its_pooled_cells_with_shadows_where_
     rng = np.random.default_rng(10)
     heights = np.where(rng.random((21, 33)) < 0.02, rng.uniform(0.0, 0.3, (21, 33)), -1.0)
     seen, camera, radii = rng.random((21, 33)) < 0.2, np.array([0.9, 0.2, 0.6]), np.array([0.03, 0.07])
-    grid = ObstacleGrid(heights, 0.2, -0.3, CELL, seen, camera)
+    grid = ObstacleGrid(heights, 0.2, -0.3, CELL, seen, (camera,))
     coarse = np.array([[heights[i : i + 2, j : j + 2].max() for j in range(0, 33, 2)] for i in range(0, 21, 2)])
     looked_at = np.array([[seen[i : i + 2, j : j + 2].any() for j in range(0, 33, 2)] for i in range(0, 21, 2)])
     filled = shadowed(coarse, looked_at, 2 * CELL, camera, 0.05) if shadows else coarse
@@ -255,8 +255,8 @@ def test_the_reach_over_a_grid_is_that_over_its_pooled_cells_with_shadows_where_
 def test_without_a_camera_or_a_view_there_are_no_shadows(unknown: str) -> None:
     heights, seen = np.full((3, 60), -1.0), np.zeros((3, 60), dtype=bool)
     heights[1, 40] = 0.2
-    grid = ObstacleGrid(heights, 0.0, 0.0, CELL, seen, np.array([1.0, 0.015, 0.8]))
+    grid = ObstacleGrid(heights, 0.0, 0.0, CELL, seen, (np.array([1.0, 0.015, 0.8]),))
     behind, radius = np.array([[0.31, 0.015, 0.08]]), np.array([0.01])
     assert grid.reach(radius, FLOOR, True).hits(behind, radius).all()
-    less = replace(grid, seen=None) if unknown == "seen" else replace(grid, camera=None)
+    less = replace(grid, seen=None) if unknown == "seen" else replace(grid, cameras=())
     assert not less.reach(radius, FLOOR, True).hits(behind, radius).any()

@@ -160,7 +160,7 @@ class Clouds:
             raise RequestError("the point cloud is old")
         return self.raw
 
-    def place_camera(self, position: np.ndarray) -> None:
+    def place_cameras(self, position: np.ndarray) -> None:
         self.asked.append(position.tolist())
 
 

@@ -65,7 +65,7 @@ class Session:
             max_cloud_age=2.0, max_joint_age=0.5, cloud_behind=0.0, cloud_wait=0.0, max_ahead=0.25,
             auto_approve=auto_approve, approval_time=approval_time, require_owner=True, self_clearance=0.03,
             watch=ArmWatch(),
-            owner_silence=0.3, work_silence=0.25,
+            owner_silence=0.3, work_silence=0.25, cameras=1,
         )  # fmt: skip
         camera = CameraPlace("panda_link0")
         camera.put("panda_link0", "camera", Pose.identity())
@@ -85,7 +85,7 @@ class Session:
         self.on_phase, self.look = on_phase, look
         return ActionResult(self.act(should_stop), "the runner's words")
 
-    def place_camera(self, position: Any) -> None:
+    def place_cameras(self, position: Any) -> None:
         """The runner's planner."""
         self.camera_position = position
 

@@ -57,7 +57,7 @@ class Bench:
         clock = SimpleNamespace(monotonic=lambda: self.steady, sleep=self._sleep)
         for module in (goal_session, owned_runs):
             monkeypatch.setattr(module, "time", clock)
-        self.planner = SimpleNamespace(place_camera=lambda position: self.words.append(f"camera at {position}"))
+        self.planner = SimpleNamespace(place_cameras=lambda position: self.words.append(f"camera at {position}"))
         self.session = GoalSession(
             self, self.clouds, self.camera, parameters, self.gate, lambda: int(self.now * S), self.owners,  # type: ignore[arg-type]
             self.approvals,

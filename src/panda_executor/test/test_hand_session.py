@@ -43,7 +43,7 @@ class Bench:
         self.clouds_got, self.camera_at = list[Any](), list[Any]()
         self.gate, self.clouds, self.camera = Gate(), CloudCache(), CameraPlace("panda_link0")
         self.approvals = Approvals(0.05)
-        self.planner = SimpleNamespace(place_camera=self.camera_at.append)
+        self.planner = SimpleNamespace(place_cameras=self.camera_at.append)
         self.now = 10.0
         parameters: Any = SimpleNamespace(
             robot=load_preset(), workspace=WorkspaceSpec(), cloud_wait=0.0, auto_approve=auto_approve,

@@ -91,12 +91,12 @@ def test_a_camera_that_is_placed_elsewhere_is_no_longer_in_the_way() -> None:
     planner = TransferPlanner(PandaModel())
     stretched = np.array([0.0, 0.77, 0.0, -0.6, 0.0, 3.26, 0.785])
     assert planner.model.colliding_pair(stretched) is None, "nobody has said where the camera is"
-    planner.place_camera(CAMERA)
+    planner.place_cameras(CAMERA)
     assert "camera" in (planner.model.colliding_pair(stretched) or "")
     boxes = len(planner.model.geometry.geometryObjects)
-    planner.place_camera(np.array([0.0, 1.2, 0.87]))
+    planner.place_cameras(np.array([0.0, 1.2, 0.87]))
     assert planner.model.colliding_pair(stretched) is None
-    planner.place_camera(CAMERA)
+    planner.place_cameras(CAMERA)
     assert "camera" in (planner.model.colliding_pair(stretched) or "")
     assert len(planner.model.geometry.geometryObjects) == boxes
 

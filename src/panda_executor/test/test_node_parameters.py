@@ -37,7 +37,8 @@ def read(**values: Any) -> NodeParameters:
 
 
 FINITE = ("max_joint_age", "max_cloud_age", "cloud_wait", "cloud_behind", "max_ahead", "table_z", "owner_silence",
-          "work_silence", "approval_time", "planning_time", "search_time", "tcp_speed", "goal_time")  # fmt: skip
+          "work_silence", "approval_time", "planning_time", "search_time", "tcp_speed", "goal_time", "arm_clearance",
+          "load_clearance", "own_margin", "clearance", "straightness")  # fmt: skip
 
 
 @pytest.mark.parametrize("name", FINITE)
@@ -57,6 +58,8 @@ def test_what_is_not_finite_is_refused(name: str, value: float) -> None:
         ("moved_share", 1.5, r"moved_share must be in \(0, 1\], got 1.5"),
         ("after_failure", "hide", "unknown after_failure 'hide'; known are stay, keep, open"),
         ("velocity_scaling", 1.5, r"velocity_scaling must be in \(0, 1\], got 1.5"),
+        ("arm_clearance", -0.01, "arm_clearance must not be negative, got -0.01"),
+        ("unseen", "guess", "unknown unseen 'guess'; known are free, shadow"),
         ("search", "prm", "unknown search 'prm'; known are rrt_star, rrt_connect"),
     ],
 )

@@ -116,8 +116,8 @@ def test_the_camera_is_found_also_after_a_transform_that_is_none(bench: Bench) -
     assert len(bench.words) == 1 and bench.words[0].startswith("transform of 'broken' ignored: ")
     info = CameraInfo()
     info.header.frame_id = "lens"
-    bench.node._on_camera_info(bytes(serialize_message(info)))
-    np.testing.assert_array_equal(bench.node._camera.position(), np.arange(3.0))
+    bench.node._on_camera_info(1, bytes(serialize_message(info)))
+    np.testing.assert_array_equal(bench.node._camera.positions(), [np.arange(3.0)])
 
 
 class Offered:
@@ -203,15 +203,18 @@ def test_the_report_is_of_now(bench: Bench, arm: bool, gripper: bool, busy: bool
 
 def test_what_is_heard_and_how(bench: Bench) -> None:
     node = bench.node
+    node._settings = SimpleNamespace(cameras=2)  # type: ignore[assignment]
     node._subscribe()
-    topics = {topic: callback for topic, (callback, _, _) in bench.subscriptions.items()}
-    assert topics == {
+    heard = {topic: callback for topic, (callback, _, _) in bench.subscriptions.items()}
+    for topic in [topic for topic in heard if topic.endswith("camera_info")]:
+        call = heard.pop(topic)
+        assert (call.func, call.args) == (node._on_camera_info, (2 if "camera2" in topic else 1,))
+    assert heard == {
         "/cliport/points": node._clouds.put,
         "/joint_states": node._on_joints,
         "/cliport/owner_heartbeat": node._on_owner,
-        "/diagnostics": topics["/diagnostics"],
+        "/diagnostics": heard["/diagnostics"],
         "/tf_static": node._on_transforms,
-        "/camera/color/camera_info": node._on_camera_info,
     }
     qos = {topic: qos for topic, (_, qos, _) in bench.subscriptions.items()}
     assert (qos["/cliport/points"].depth, qos["/cliport/points"].reliability) == (1, QoSProfile(depth=1).reliability)
@@ -220,7 +223,7 @@ def test_what_is_heard_and_how(bench: Bench) -> None:
     assert qos["/tf_static"].durability == DurabilityPolicy.TRANSIENT_LOCAL and qos["/tf_static"].depth == 100
     assert qos["/cliport/owner_heartbeat"] == qos["/diagnostics"] == 20
     raw = {topic for topic, (_, _, named) in bench.subscriptions.items() if named.get("raw")}
-    assert raw == {"/cliport/points", "/camera/color/camera_info"}
+    assert raw == {"/cliport/points", "/camera/color/camera_info", "/camera2/color/camera_info"}
     groups = {topic: named["callback_group"] for topic, (_, _, named) in bench.subscriptions.items()}
     assert len({id(group) for group in groups.values()}) == 2 and None not in groups.values()
     assert groups["/cliport/points"] is not groups["/joint_states"], "a cloud of 16 MB must hold up no joint state"

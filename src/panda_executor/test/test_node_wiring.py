@@ -20,7 +20,7 @@ from panda_model import load_preset
 PANDA = load_preset()
 PARAMETERS = SimpleNamespace(
     robot=PANDA, robot_description="<robot/>", config="config", max_joint_age=0.4, max_cloud_age=1.5, max_ahead=0.2,
-    cloud_behind=0.1, owner_silence=0.3, approval_time=12.0, self_clearance=0.04,
+    cloud_behind=0.1, owner_silence=0.3, approval_time=12.0, self_clearance=0.04, cameras=2,
 )  # fmt: skip
 
 
@@ -77,7 +77,7 @@ def test_each_part_is_given_what_is_meant_for_it(monkeypatch: pytest.MonkeyPatch
     made, node = bench.made, bench.node
     assert made["JointTracker"][0] == (PANDA.arm_joints, PANDA.finger_joints, 0.4, 0.2)
     assert made["CloudCache"][0] == (1.5, 0.1, 0.2)
-    assert made["CameraPlace"][0] == (PANDA.base_frame,)
+    assert made["CameraPlace"][0] == (PANDA.base_frame, 2)
     assert node._limits == AgeLimits(joints=0.4, cloud=1.5, ahead=0.2)
     own, parameters, joints, on_motion, group = made["Controllers"][0]
     assert own is node and parameters is PARAMETERS and name_of(joints) == "JointTracker"

@@ -55,7 +55,7 @@ NAMES = [f"{kind} {seed}" for kind, count in ROWS.items() for seed in range(coun
 def the_planner() -> TransferPlanner:
     """Return a planner whose searches end by their number of checks."""
     planner = TransferPlanner(PandaModel(), ExecutorConfig(search=SearchConfig(time_limit=60.0), planning_time=60.0))
-    planner.place_camera(CAMERA)
+    planner.place_cameras(CAMERA)
     return planner
 
 

@@ -16,6 +16,7 @@ from panda_executor.arm_watch import ArmWatch
 from panda_executor.config import AfterFailure, ExecutorConfig, SearchAlgorithm
 from panda_executor.errors import ExecutorError
 from panda_executor.node_parameters import NodeParameters, read_parameters
+from panda_executor.scene import UnseenRule
 from panda_model import load_preset
 
 PANDA = load_preset("panda")
@@ -56,6 +57,7 @@ def test_the_defaults() -> None:
         watch=ArmWatch(),
         owner_silence=0.3,
         work_silence=0.25,
+        cameras=1,
     )
     check_same(read(), wanted)
 
@@ -89,6 +91,8 @@ def test_a_number_of_the_timing(name: str) -> None:
         ("planning_time", 9.0, 9.0),
         ("moved_share", 0.25, 0.25),
         ("follow_from", 0.02, 0.02),
+        ("clearance", 0.0, 0.0),
+        ("straightness", 0.002, 0.002),
         ("after_failure", "open", AfterFailure.OPEN),
         ("after_failure", "stay", AfterFailure.STAY),
     ],
@@ -102,6 +106,10 @@ def test_a_setting_of_the_core(name: str, value: Any, kept: Any) -> None:
     [
         ("table_z", -0.02, "scene", "table_z", -0.02),
         ("table_tolerance", 0.04, "table", "tolerance", 0.04),
+        ("arm_clearance", 0.0, "scene", "arm_clearance", 0.0),
+        ("load_clearance", 0.025, "scene", "load_clearance", 0.025),
+        ("own_margin", 0.04, "scene", "own_margin", 0.04),
+        ("unseen", "free", "scene", "unseen", UnseenRule.FREE),
         ("search", "rrt_star", "search", "algorithm", SearchAlgorithm.RRT_STAR),
         ("seed", 7, "search", "seed", 7),
         ("search_time", 2.5, "search", "time_limit", 2.5),
@@ -115,6 +123,15 @@ def test_a_setting_of_a_part(name: str, value: Any, part: str, field: str, kept:
 def test_a_gripper_action_of_ones_own_is_a_gripper_command() -> None:
     check_same(read(gripper_action="").robot, PANDA)
     check_same(read(gripper_action="/other").robot, changed(PANDA, gripper_action="/other", franka_gripper=""))
+
+
+@pytest.mark.parametrize(("count", "fine"), [(1, True), (9, True), (0, False), (10, False)])
+def test_one_to_nine_cameras(count: int, fine: bool) -> None:
+    if fine:
+        assert read(cameras=count).cameras == count
+    else:
+        with pytest.raises(ExecutorError, match=f"cameras must be 1 to 9, got {count}"):
+            read(cameras=count)
 
 
 @pytest.mark.parametrize("name", ["base_frame", "arm_action"])
@@ -175,6 +192,7 @@ def test_a_share_is_above_nothing_and_one_at_most(name: str, value: float, fine:
             read(**{name: value})
 
 
+MARGINS = ("arm_clearance", "load_clearance", "own_margin", "clearance")
 MOST = PANDA.hand.allowed_force
 
 
@@ -189,7 +207,7 @@ def test_no_more_force_than_the_hand_allows(force: float, fine: bool) -> None:
             read(grip_force=force)
 
 
-@pytest.mark.parametrize("name", ["cloud_behind", "cloud_wait", "max_ahead"])
+@pytest.mark.parametrize("name", ["cloud_behind", "cloud_wait", "max_ahead", *MARGINS])
 def test_what_may_be_nothing(name: str) -> None:
     read(**{name: 0.0})
     with pytest.raises(ExecutorError, match=f"{name} must not be negative"):
@@ -199,7 +217,7 @@ def test_what_may_be_nothing(name: str) -> None:
 @pytest.mark.parametrize(
     "name",
     [*sorted(set(TIMES) - {"cloud_behind", "cloud_wait", "max_ahead"}), "path_tolerance", "goal_time", "tcp_speed",
-     "tcp_speed_near", "table_tolerance", "planning_time", "follow_from", "search_time"],
+     "tcp_speed_near", "table_tolerance", "planning_time", "follow_from", "search_time", "straightness"],
 )  # fmt: skip
 def test_what_must_be_positive(name: str) -> None:
     read(**{name: 0.001})

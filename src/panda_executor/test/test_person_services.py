@@ -45,7 +45,7 @@ class Bench:
     def get_logger(self) -> logging.Logger:
         return logging.getLogger("test")
 
-    def place_camera(self, position: np.ndarray) -> None:
+    def place_cameras(self, position: np.ndarray) -> None:
         self.placed.append(position)
 
     def go_ready(self, should_stop: Callable[[], bool], cloud: np.ndarray | None) -> ActionResult:

@@ -45,7 +45,7 @@ def test_a_column_has_risen_when_it_is_a_centimetre_higher_than_all_near_it(plan
     expected = empty.copy()
     expected[22, 22], expected[20, 23], expected[6, 6] = 0.0601, 0.0101, 0.0101
     np.testing.assert_array_equal(risen.heights, expected)
-    assert risen.seen is None and risen.camera is None
+    assert risen.seen is None and risen.cameras == ()
 
 
 def under(plan: PickPlacePlan, planner: TransferPlanner) -> tuple[np.ndarray, np.ndarray]:

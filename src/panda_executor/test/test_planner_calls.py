@@ -90,13 +90,17 @@ def test_a_camera_is_placed_anew_where_it_moved(
     own: TransferPlanner, monkeypatch: Patch, axis: int, side: float
 ) -> None:
     placed: list[list[float]] = []
-    monkeypatch.setattr(transfer, "place_camera", lambda model, config, at: placed.append(at.tolist()))
+    monkeypatch.setattr(transfer, "place_camera", lambda model, config, at, number: placed.append([number, *at]))
     at, shift = np.array([0.9, 0.1, 0.8]), side * np.eye(3)[axis]
     for step in (0.0, 0.9e-4, 1.1e-4, 1.0e-4):
-        own.place_camera(at + step * shift)
-    np.testing.assert_array_equal(placed, [at, at + 1.1e-4 * shift])
+        own.place_cameras(at + step * shift)
+    np.testing.assert_array_equal(placed, [[1, *at], [1, *(at + 1.1e-4 * shift)]])
+    other = np.array([0.1, -0.9, 0.7])
+    own.place_cameras(at, other)
+    own.place_cameras(at, other + 2e-4)
+    np.testing.assert_array_equal(placed[2:], [[1, *at], [2, *other], [2, *(other + 2e-4)]])
     at[:] = 0.0
-    np.testing.assert_array_equal(own._camera, placed[1])
+    np.testing.assert_array_equal(own._cameras, [row[1:] for row in (placed[2], placed[4])])
 
 
 def test_the_columns_are_those_of_the_cloud_without_the_hands(own: TransferPlanner, monkeypatch: Patch) -> None:
@@ -104,15 +108,15 @@ def test_the_columns_are_those_of_the_cloud_without_the_hands(own: TransferPlann
     positions = own.ik.solve_all(hand_down_pose(0.35, 0.3, 0.1, 0.3), READY)[0].positions
     cloud = rng.uniform((0.1, 0.0, 0.0), (0.6, 0.6, 0.12), (20000, 3)).astype(np.float32)
     camera = np.array([1.2, 0.0, 0.9])
-    monkeypatch.setattr(transfer, "place_camera", lambda model, config, at: None)  # the model is shared
-    own.place_camera(camera)
+    monkeypatch.setattr(transfer, "place_camera", lambda model, config, at, number: None)  # the model is shared
+    own.place_cameras(camera)
     seen = own.surroundings(cloud, SPACE, positions)
     rotation, translation = own.model.tcp_arrays(positions)
     hand = HandShape(own.config.hand, margin=0.015).points @ rotation.T + translation
-    expected = ObstacleGrid.from_cloud(seen, SPACE, 0.02 + 0.015, 0.01, camera).without(hand)
+    expected = ObstacleGrid.from_cloud(seen, SPACE, 0.02 + 0.015, 0.01, (camera,)).without(hand)
     grid = own.grid(cloud, SPACE, positions)
     np.testing.assert_array_equal(grid.heights, expected.heights)
-    assert grid.cell == 0.01 and grid.camera is not None and grid.camera.tolist() == camera.tolist()
+    assert grid.cell == 0.01 and [at.tolist() for at in grid.cameras] == [camera.tolist()]
     assert 50 < (grid.heights < 0).sum() < grid.heights.size - 50
 
 
@@ -186,9 +190,16 @@ def tries(own: TransferPlanner, monkeypatch: Patch) -> list[tuple[Any, ...]]:
     class Attempts:
         def __init__(self, motions: Any, *given: Any) -> None:
             self.given = (motions.budget, *given)
+            self.workspace, self.start = given[1], given[3]
+            self.begun: list[str] = []
 
         def plan(self, grasp: Thing, flip: float, rest: np.ndarray, rest_grid: ObstacleGrid) -> Any:
             made.append((grasp.name, flip, rest, rest_grid, self.given))
+            self.begun.append(f"{grasp.name}, {flip:.0f}")
+            return outcome(len(made))
+
+        def plan_from_anywhere(self, attempt: str) -> Any:
+            made.append((f"again {attempt}",))
             return outcome(len(made))
 
     def outcome(count: int) -> Any:
@@ -216,7 +227,8 @@ def test_every_grasp_is_tried_either_way_among_the_rest_of_the_cloud(
     cloud, phases = drawn_cloud(), list[tuple[Phase, float]]()
     with pytest.raises(PlanningError, match=r"^reason 2$"):  # the first, that for grasps was no attempt
         own.plan(ACTION, cloud, SPACE, READY, on_phase=lambda phase, share: phases.append((phase, share)))
-    grasps, *attempts = tries
+    grasps, *attempts = tries[:5]
+    assert tries[5:] == [("again a, 0",), ("again a, 3",), ("again b, 0",), ("again b, 3",)]
     around = own.surroundings(cloud, SPACE, READY)
     low = around[around[:, 2] <= 0.25]
     assert 0 < len(low) < len(around)
@@ -230,6 +242,7 @@ def test_every_grasp_is_tried_either_way_among_the_rest_of_the_cloud(
     for _, _, rest, rest_grid, given in attempts:
         np.testing.assert_array_equal(rest, low[low[:, 1] >= 0.3])
         np.testing.assert_array_equal(rest_grid.heights, rest_columns.heights)
+        np.testing.assert_array_equal(rest_grid.seen, columns.seen, "where the object was seen, space was, too")
         np.testing.assert_array_equal(given[3].heights, columns.heights)
         assert given[1:3] == (ACTION, SPACE) and given[4] is READY
     assert phases == [(Phase.GRASP_PLANNING, 0.0), (Phase.GRASP_PLANNING, 0.5)]

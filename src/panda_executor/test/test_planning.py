@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import replace
 
@@ -13,6 +14,7 @@ from walls import above
 from cliport_core.action import PickPlaceAction, Primitive
 from cliport_core.pose import PlanarPose
 from cliport_core.workspace import WorkspaceSpec
+from panda_executor.approaches import Target, more_approaches, usual_approaches
 from panda_executor.budget import Budget
 from panda_executor.config import SearchConfig
 from panda_executor.drag import plan_drag
@@ -24,7 +26,7 @@ from panda_executor.path_search import find_path, line_is_free
 from panda_executor.phase import Phase
 from panda_executor.scene import Scene
 from panda_executor.transfer import TransferPlanner
-from panda_executor.transfer_attempts import PickPlacePlan, TransferAttempts, _Target
+from panda_executor.transfer_attempts import PickPlacePlan, TransferAttempts
 from panda_model import load_preset
 
 READY_POSITIONS = load_preset().ready
@@ -57,31 +59,44 @@ def test_a_wall_is_gone_round(planner: TransferPlanner, walled: Scene) -> None:
 def test_another_way_down_at_the_place_is_tried_where_the_first_leads_nowhere(
     planner: TransferPlanner, workspace: WorkspaceSpec, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    after, tried = TransferAttempts._after_pick, []
+    joined, tried = TransferAttempts._joined, []
 
-    def second_only(attempts: TransferAttempts, pick: object, place: object, scenes: object) -> object:
+    def second_only(attempts: TransferAttempts, attempt: object, pick: object, place: object) -> object:
         tried.append((pick, place))
         if len(tried) == 1:
             raise PlanningError("no way from there")
-        return after(attempts, pick, place, scenes)  # type: ignore[arg-type]
+        return joined(attempts, attempt, pick, place)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(TransferAttempts, "_after_pick", second_only)
+    monkeypatch.setattr(TransferAttempts, "_joined", second_only)
     action = PickPlaceAction(PlanarPose(0.45, 0.1, 0.0), PlanarPose(0.5, -0.1, 0.0))
     planner.plan(action, cloud_of([Cube(0.45, 0.1)]), workspace, READY_POSITIONS)
     (first_pick, first_place), (pick, place) = tried
     assert pick is first_pick and place is not first_place
 
 
-def test_the_hand_leans_only_where_it_cannot_go_down_upright(
-    planner: TransferPlanner, workspace: WorkspaceSpec, free_scene: Scene
-) -> None:
-    action = PickPlaceAction(PlanarPose(0.5, 0.1, 0.0), PlanarPose(0.5, -0.1, 0.0))
-    attempts = TransferAttempts(planner.motions, action, workspace, free_scene.grid, READY_POSITIONS)
-    target = _Target(0.5, 0.1, 0.02, 0.2, 0.0)
-    found = list(attempts._approaches(Phase.DESCEND, target, free_scene, READY_POSITIONS))
+def test_the_hand_leans_only_where_it_cannot_go_down_upright(planner: TransferPlanner, free_scene: Scene) -> None:
+    target = Target(0.5, 0.1, 0.02, 0.2, 0.0)
+    found = list(usual_approaches(planner.motions, Phase.DESCEND, target, free_scene, READY_POSITIONS))
     assert len(found) > 1
     for approach in found:
         assert planner.model.tcp_pose(approach.above).rotation[2, 2] == pytest.approx(-1.0, abs=1e-6)
+
+
+def test_more_ways_down_end_on_the_pose_from_each_height_and_are_distinct(
+    planner: TransferPlanner, free_scene: Scene
+) -> None:
+    target = Target(0.5, 0.1, 0.02, 0.2, 0.0)
+    found = list(more_approaches(planner.motions, Phase.DESCEND, target, free_scene, READY_POSITIONS))
+    usual = list(usual_approaches(planner.motions, Phase.DESCEND, target, free_scene, READY_POSITIONS))
+    assert len(found) > 2 * len(usual)
+    heights = []
+    for approach in found:
+        check_densely(approach.down)
+        np.testing.assert_array_equal(approach.down.trajectory.start, approach.above)
+        end = planner.model.tcp_pose(approach.down.trajectory.end)
+        assert end.is_close(hand_down_pose(0.5, 0.1, 0.02, 0.0), 1e-4)
+        heights.append(round(float(planner.model.tcp_pose(approach.above).translation[2]), 3))
+    assert [height for height, _ in itertools.groupby(heights)] == [0.2, 0.15, 0.28, 0.38]
 
 
 def test_a_straight_motion_of_a_millimetre_has_a_point_between_its_ends(planner: TransferPlanner) -> None:

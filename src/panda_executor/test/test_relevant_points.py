@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 
 from cliport_core.workspace import WorkspaceSpec
-from panda_executor.transfer import relevant_points
+from panda_executor.relevant_points import relevant_points
 
 
 def test_points_around_the_workspace_are_kept_and_others_are_not() -> None:

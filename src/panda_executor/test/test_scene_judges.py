@@ -124,6 +124,14 @@ def test_the_post_stands_behind_the_camera_from_the_table_up(
     assert not {"panda_link0", "panda_link1"} & set(camera[3])
 
 
+def test_a_second_camera_has_a_post_of_its_own() -> None:
+    boxes: list[str] = []
+    model = SimpleNamespace(link="panda_{}".format, put_fixed_box=lambda name, *box: boxes.append(name))
+    for number in (1, 2):
+        place_camera(cast(PandaModel, model), SceneConfig(), np.array([0.4, 0.9, 0.8]), number)
+    assert boxes == ["camera", "camera post", "camera 2", "camera 2 post"]
+
+
 def test_nothing_in_the_way_is_valid() -> None:
     assert judged(scene_of(Arm(), block())) is None
 
@@ -193,7 +201,7 @@ def test_a_link_in_a_shadow_is_judged_by_the_rule(rule: UnseenRule, free: bool) 
     """Seen from x = 1.3, 0.6 m up, a block of 0.2 m hides 0.17 m and less at 7 cm behind it."""
     arm = Arm()
     arm.reaching = Cover(np.array([[0.23, -0.15, 0.15]]), np.array([0.02]))
-    seen = replace(block(), seen=block().heights > 0, camera=np.array([1.3, -0.15, 0.6]))
+    seen = replace(block(), seen=block().heights > 0, cameras=(np.array([1.3, -0.15, 0.6]),))
     scene = scene_of(arm, seen)
     assert (judged(replace(scene, config=replace(scene.config, unseen=rule))) is None) is free
 

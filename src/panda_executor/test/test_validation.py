@@ -11,6 +11,7 @@ from panda_executor.errors import TrajectoryError
 from panda_executor.ik import hand_down_pose
 from panda_executor.model import PandaModel
 from panda_executor.obstacle_grid import ObstacleGrid
+from panda_executor.phase import Phase
 from panda_executor.scene import Scene
 from panda_executor.timing import time_path
 from panda_executor.trajectory import JointTrajectory
@@ -128,6 +129,22 @@ def test_a_way_through_an_object(planner: TransferPlanner, model: PandaModel, fr
     validate_trajectory(motion, PANDA_LIMITS, free_scene)
     post = np.repeat([[0.5, 0.0, 0.2]], 5, axis=0).astype(np.float32)  # one column, 5 mm wide
     refuse(motion, free_scene.with_grid(ObstacleGrid.from_cloud(post, workspace, 0.012)), "(hand|arm) would touch")
+
+
+def test_a_way_that_bends_is_no_approach(planner: TransferPlanner, model: PandaModel, free_scene: Scene) -> None:
+    """In joint space between two poses over each other: the tcp bulges out beside the line between them."""
+    start = planner.ik.solve_all(hand_down_pose(0.5, 0.1, 0.2, 0.0), READY_POSITIONS)[0].positions
+    low = planner.ik.solve_near(hand_down_pose(0.5, 0.1, 0.02, 0.0), start, 1.5)
+    assert low is not None
+    bent = time_path(np.stack([start, low]), planner.motions.limits, model, 1.0)
+    validate_trajectory(bent, PANDA_LIMITS, free_scene)
+    with pytest.raises(TrajectoryError, match=r"the hand would be \d+\.\d mm off its straight way \(at most 5 mm"):
+        validate_trajectory(bent, PANDA_LIMITS, free_scene, straightness=0.005)
+    straight = planner.motions.straight(Phase.DESCEND, start, hand_down_pose(0.5, 0.1, 0.02, 0.0), free_scene)
+    assert straight is not None and straight.straightness == 0.005
+    assert planner.motions.reversed(Phase.RAISE, straight, free_scene).straightness == 0.005
+    with pytest.raises(TrajectoryError, match="off its straight way"):
+        planner.motions.among(replace(straight, trajectory=bent), free_scene.grid)
 
 
 @pytest.mark.parametrize(("beyond", "valid"), [(-1e-3, True), (5e-7, True), (1e-3, False), (0.5, False)])

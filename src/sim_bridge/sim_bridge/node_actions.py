@@ -116,7 +116,14 @@ class ControllerAction(ABC):
             feedback = self._loop.call(self._feedback)
             if feedback is not None:
                 handle.publish_feedback(feedback)
+        while not self._is_told() and not handle.is_cancel_requested:
+            time.sleep(FEEDBACK_PERIOD_S)
+            self._loop.call(self._feedback)  # raises once the simulation has ended
         self._end(handle, execution)
+
+    def _is_told(self) -> bool:
+        """Return whether the end of an execution is told its client now."""
+        return True
 
     def _end(self, handle: ServerGoalHandle, execution: Execution) -> None:
         if execution.status is GoalStatus.SUCCEEDED:

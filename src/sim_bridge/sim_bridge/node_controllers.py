@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from typing import Any
 
 from control_msgs.action import FollowJointTrajectory, GripperCommand
 from franka_msgs.action import Grasp, Homing, Move
+from rclpy.action import GoalResponse
 from rclpy.node import Node
 from std_srvs.srv import Trigger
 
@@ -21,6 +23,8 @@ from sim_bridge.node_actions import ControllerAction
 from sim_bridge.node_faults import FaultInjection
 from sim_bridge.sim_loop import SimLoop
 
+UNANSWERED_S = 15.0  # a goal that is not to be accepted, at most
+
 
 class ArmAction(ControllerAction):
     """FollowJointTrajectory in front of the arm's controller."""
@@ -33,17 +37,28 @@ class ArmAction(ControllerAction):
     def _decode(self, request: FollowJointTrajectory.Goal) -> TrajectoryGoal:
         return conversions.trajectory_goal_from_msg(request)
 
+    def _accept(self, request: FollowJointTrajectory.Goal) -> GoalResponse:
+        deadline = time.monotonic() + UNANSWERED_S
+        while self._faults.is_on("never_accept") and time.monotonic() < deadline:
+            time.sleep(0.05)
+        return super()._accept(request)
+
+    def _is_told(self) -> bool:
+        return not self._faults.is_on("never_end")
+
     def _check(self, goal: TrajectoryGoal) -> None:
         validate_goal(goal, self._loop.arm.config.joint_names, self._loop.world.time)
 
     def _start(self, goal: TrajectoryGoal) -> TrajectoryExecution:
         now = self._loop.world.time
-        execution = self._loop.arm.start(goal, now)
+        execution = self._loop.arm.start(self._faults.adapted(goal), now)
         self._log.append(goal, now)
         self._faults.started(execution, now)
         return execution
 
     def _cancel_now(self, execution: TrajectoryExecution) -> None:
+        if self._faults.is_on("lose_cancel"):
+            return
         if self._loop.arm.active is execution:
             self._loop.arm.cancel()
 
@@ -62,7 +77,8 @@ class ArmAction(ControllerAction):
 class GripperAction(ControllerAction):
     """GripperCommand in front of the hand's controller."""
 
-    def __init__(self, node: Node, loop: SimLoop, name: str) -> None:
+    def __init__(self, node: Node, loop: SimLoop, name: str, faults: FaultInjection) -> None:
+        self._faults = faults
         super().__init__(node, loop, GripperCommand, name)
 
     def _decode(self, request: GripperCommand.Goal) -> GripperGoal:
@@ -72,6 +88,7 @@ class GripperAction(ControllerAction):
         self._loop.gripper.check(goal)
 
     def _start(self, goal: GripperGoal) -> GripperExecution:
+        self._faults.closing(goal)
         return self._loop.gripper.start(goal, self._loop.world.time)
 
     def _cancel_now(self, execution: GripperExecution) -> None:
@@ -90,9 +107,15 @@ class FrankaHandAction(GripperAction):
     """One of franka_msgs' actions in front of the hand's controller: Grasp, Move or Homing."""
 
     def __init__(
-        self, node: Node, loop: SimLoop, action_type: Any, name: str, decode: Callable[[Any], GripperGoal]
+        self,
+        node: Node,
+        loop: SimLoop,
+        action_type: Any,
+        name: str,
+        decode: Callable[[Any], GripperGoal],
+        faults: FaultInjection,
     ) -> None:
-        self._type, self._goal_of = action_type, decode
+        self._type, self._goal_of, self._faults = action_type, decode, faults
         ControllerAction.__init__(self, node, loop, action_type, name)
 
     def _decode(self, request: Any) -> GripperGoal:
@@ -107,7 +130,7 @@ class FrankaHandAction(GripperAction):
         return self._type.Result(success=done, error="" if done else error)
 
 
-def serve_franka_hand(node: Node, loop: SimLoop, arm: ArmModel) -> list[FrankaHandAction]:
+def serve_franka_hand(node: Node, loop: SimLoop, arm: ArmModel, faults: FaultInjection) -> list[FrankaHandAction]:
     """Make the servers that franka_gripper has below the preset's name, where it has one."""
     if not arm.franka_gripper:
         return []
@@ -124,4 +147,4 @@ def serve_franka_hand(node: Node, loop: SimLoop, arm: ArmModel) -> list[FrankaHa
         (Move, arm.move_action, conversions.move_goal_from_msg),
         (Homing, arm.homing_action, lambda _: home),
     )
-    return [FrankaHandAction(node, loop, kind, name, decode) for kind, name, decode in kinds]
+    return [FrankaHandAction(node, loop, kind, name, decode, faults) for kind, name, decode in kinds]

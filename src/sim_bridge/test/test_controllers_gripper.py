@@ -229,3 +229,13 @@ def test_a_broken_hand_aborts_whatever_it_is_told(fault):
 def test_a_speed_that_is_none_is_refused():
     with pytest.raises(GripperGoalError, match="speed must be zero"):
         Bench().go(0.01, speed=-0.1)
+
+
+def test_jammed_fingers_stay_and_say_so_after_a_while():
+    bench = Bench(width=0.08)
+    bench.controller.jammed_for = 1.0
+    execution = bench.go(0.0)
+    assert execution.status is GoalStatus.ABORTED and "stopped at 0.0800 m" in execution.message
+    assert bench.hand.width == 0.08 and 0.9 < bench.time < 1.2
+    bench.controller.jammed_for = None
+    assert bench.go(0.02).status is GoalStatus.SUCCEEDED

@@ -3,6 +3,7 @@
 import logging
 
 import pytest
+from played_faults import played_faults
 
 pytest.importorskip("rclpy", exc_type=ImportError)
 pytest.importorskip("control_msgs", exc_type=ImportError)
@@ -49,6 +50,7 @@ def test_a_simulation_that_ends_in_mid_motion_aborts_the_goal(node_is_gone, monk
     action = ArmAction.__new__(ArmAction)
     action._loop, action._name, action._logger = EndedLoop(execution), "arm", logging.getLogger("test")
     action._executions, action._decoded = {}, {}
+    action._faults = played_faults()
     monkeypatch.setattr(action, "_decode", lambda request: execution.goal)
     handle = Handle(node_is_gone)
     action._execute(handle)  # used to raise out of the goal's thread

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from played_faults import played_faults
 
 from cliport_core.pose import Pose
 from sim_bridge.errors import SimulationError
@@ -50,7 +51,7 @@ def test_clock_and_joints_are_said_at_their_own_rates() -> None:
     loop: Any = SimpleNamespace(every=lambda period, call: periods.update({call.__name__: period}))
     node: Any = SimpleNamespace(create_publisher=lambda *_: SimpleNamespace(publish=lambda _: None))
     camera: Any = SimpleNamespace(camera_in_base=Pose.from_xyz_rpy((0.4, 0.0, 1.0), (0.0, 0.0, 0.0)))
-    StatePublisher(node, loop, camera, SimParameters(clock_rate=100.0, joint_state_rate=40.0))
+    StatePublisher(node, loop, camera, SimParameters(clock_rate=100.0, joint_state_rate=40.0), played_faults())
     assert periods == {"_publish_clock": 0.01, "_publish_joints": 0.025}
 
 

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from played_faults import played_faults
 
 from cliport_core.pose import Pose
 from sim_bridge.control.trajectory_goal import TrajectoryGoal, TrajectoryPoint
@@ -113,10 +114,12 @@ def test_joints_and_clock_are_said_with_their_time() -> None:
     node: Any = SimpleNamespace(
         create_publisher=lambda kind, topic, qos: SimpleNamespace(publish=said.setdefault(topic, []).append)
     )
-    loop: Any = SimpleNamespace(every=lambda period, call: calls.update({call.__name__: call}))
+    loop: Any = SimpleNamespace(
+        every=lambda period, call: calls.update({call.__name__: call}), gripper=SimpleNamespace(fault=HandFault.NONE)
+    )
     camera: Any = SimpleNamespace(camera_in_base=Pose.from_xyz_rpy((0.4, 0.1, 1.0), (0.0, 0.0, 0.0)))
     parameters = SimParameters()
-    StatePublisher(node, loop, camera, parameters)
+    StatePublisher(node, loop, camera, parameters, played_faults())
     places, speeds, efforts = np.arange(7.0), np.arange(10.0, 17.0), np.arange(20.0, 27.0)
     state = ArmState(places, speeds, efforts, np.array([0.01, 0.02]), np.array([0.3, 0.4]))
     for call in calls.values():
@@ -153,6 +156,69 @@ def test_a_bumped_camera_is_turned_about_itself_and_shifted_and_other_numbers_ar
     assert faults.true_pose(told).is_close(true)
 
 
+@pytest.mark.parametrize(
+    ("switch", "published"),
+    [("", [(3, 0.0), (4, 1.0)]), ("lost", []), ("old", [(2, 0.0), (3, 1.0)]), ("ahead", [(4, 0.0), (5, 1.0)]),
+     ("restamped", [(3, 0.0), (4, 0.0)])],
+)  # fmt: skip
+def test_joint_states_are_spoiled_and_the_true_ones_told_meanwhile(
+    switch: str, published: list[tuple[int, float]]
+) -> None:
+    said: dict[str, list[Any]] = {}
+    calls: dict[str, Any] = {}
+    node: Any = SimpleNamespace(
+        create_publisher=lambda kind, topic, qos: SimpleNamespace(publish=said.setdefault(topic, []).append)
+    )
+    loop: Any = SimpleNamespace(
+        every=lambda period, call: calls.update({call.__name__: call}), gripper=SimpleNamespace(fault=HandFault.NONE)
+    )
+    camera: Any = SimpleNamespace(camera_in_base=Pose.from_xyz_rpy((0.4, 0.1, 1.0), (0.0, 0.0, 0.0)))
+    StatePublisher(node, loop, camera, SimParameters(), played_faults(f"joint_states_{switch}"))
+    for number in range(2):
+        state = ArmState(np.full(7, float(number)), np.zeros(7), np.zeros(7), np.zeros(2), np.zeros(2))
+        calls["_publish_joints"](3.0 + number, state)
+    told = {topic: [(m.header.stamp.sec, m.position[0]) for m in said[topic]] for topic in
+            ("/joint_states", "/sim_bridge/true_joint_states")}  # fmt: skip
+    assert told["/joint_states"] == published
+    assert told["/sim_bridge/true_joint_states"] == ([(3, 0.0), (4, 1.0)] if switch else [])
+
+
+def test_a_clock_that_jumps_takes_the_stamps_of_joint_states_with_it() -> None:
+    said: dict[str, list[Any]] = {}
+    calls: dict[str, Any] = {}
+    node: Any = SimpleNamespace(
+        create_publisher=lambda kind, topic, qos: SimpleNamespace(publish=said.setdefault(topic, []).append)
+    )
+    loop: Any = SimpleNamespace(
+        every=lambda period, call: calls.update({call.__name__: call}), gripper=SimpleNamespace(fault=HandFault.NONE)
+    )
+    camera: Any = SimpleNamespace(camera_in_base=Pose.from_xyz_rpy((0.4, 0.1, 1.0), (0.0, 0.0, 0.0)))
+    faults = played_faults()
+    StatePublisher(node, loop, camera, SimParameters(), faults)
+    state = ArmState(np.zeros(7), np.zeros(7), np.zeros(7), np.zeros(2), np.zeros(2))
+    for shift, seconds in ((0.0, 30), (10.0, 40), (-10.0, 20), (-40.0, 0)):
+        faults.clock_shift = shift
+        for call in calls.values():
+            call(30.0, state)
+        assert said["/clock"][-1].clock.sec == said["/joint_states"][-1].header.stamp.sec == seconds
+
+
+def test_a_goal_that_is_to_be_missed_has_a_tolerance_that_no_arm_keeps() -> None:
+    hooks: list[Any] = []
+    node: Any = SimpleNamespace(
+        declare_parameter=lambda name, value, descriptor: SimpleNamespace(value=value),
+        add_on_set_parameters_callback=hooks.append,
+    )
+    loop: Any = SimpleNamespace(every=lambda *given: None)
+    faults = FaultInjection(node, loop)
+    goal = TrajectoryGoal(("a", "b"), (TrajectoryPoint(1.5, (0.1, 0.2), (), ()),))
+    assert faults.adapted(goal) is goal
+    hooks[0]([SimpleNamespace(name="miss_goal", value=True)])
+    adapted = faults.adapted(goal)
+    assert adapted.points == goal.points and 0.0 < adapted.goal_time_tolerance < 1.0
+    assert {name: tolerance.position for name, tolerance in adapted.goal_tolerance.items()} == {"a": 1e-7, "b": 1e-7}
+
+
 def test_one_trajectory_is_aborted_on_its_way_and_the_next_is_not() -> None:
     held: list[str] = []
     ticks: list[Any] = []
@@ -163,8 +229,9 @@ def test_one_trajectory_is_aborted_on_its_way_and_the_next_is_not() -> None:
         set_parameters=lambda given: hooks[0](given),
     )
     loop: Any = SimpleNamespace(
-        every=lambda *given: ticks.append(given), arm=SimpleNamespace(hold=lambda why: held.append(why))
-    )
+        every=lambda *given: ticks.append(given), arm=SimpleNamespace(hold=lambda why: held.append(why)),
+        gripper=SimpleNamespace(jammed_for=None),
+    )  # fmt: skip
     faults = FaultInjection(node, loop)
     ((period, tick),) = ticks
     assert (period, faults.camera_frozen, faults.depth_lost) == (0.02, False, False)

@@ -129,6 +129,7 @@ class GripperController:
         self._moved = 0.0
         self._grasping = False
         self.fault = self.config.fault
+        self.jammed_for: float | None = None  # a hand that cannot move says so after this [s]; None: it can
 
     @property
     def active(self) -> GripperExecution | None:
@@ -202,6 +203,10 @@ class GripperController:
         if self._target is None:
             self._target = self._width
             self._command = GripperCommand(self._width, self.config.default_effort)
+        if self.jammed_for is not None and self.active is not None:
+            if time - self._started > self.jammed_for:
+                self._end(GoalStatus.ABORTED, f"stopped at {self._width:.4f} m on the way to {self._target:.4f} m")
+            return self._command
         stride = self._goal_speed() * min(passed, 0.1)
         gap = self._target - self._command.width
         width = self._command.width + math.copysign(min(abs(gap), stride), gap)

@@ -1,0 +1,91 @@
+"""Many cycles through the graph in a fast simulator: no crash, no growth, no slowing, nothing left in shared memory.
+
+`make soak PYTEST_ARGS=tests/test_cycles.py` runs this, with CYCLES=10 before it fewer.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+from pathlib import Path
+from statistics import median
+
+import pytest
+from graph_probe import GraphProbe
+from hardware_times import ROOT
+from ros_domain import next_domain
+
+from cliport_benchmark.graph_process import GraphProcess
+
+CYCLES = int(os.environ.get("CYCLES", "1000"))
+TENTH = max(CYCLES // 10, 1)
+TASK = "put-blocks-in-bowls-seen-colors"
+FASTER = 20.0  # than real time, as far as the machine can
+GROWTH_MB = 20.0  # of a process after the first tenth, at most
+SLOWER = 1.05  # the last tenth than the first, at most
+ENOUGH = 100  # cycles from which on the pace says anything
+SHARED = Path("/dev/shm")
+OUT = ROOT / "out" / "cycles.json"
+
+pytestmark = [pytest.mark.soak, pytest.mark.timeout(12 * 3600)]
+
+
+def test_a_thousand_cycles_leave_the_graph_as_it_was(tmp_path: Path) -> None:
+    """The scenes of the first tenth come again in each other, so that their paces can be compared."""
+    domain, before = next_domain(), shared_files()
+    arguments = {"task": TASK, "split": "test", "seed": "0", "real_time_factor": str(FASTER)}
+    seconds: list[float] = []
+    done = 0
+    with (
+        GraphProcess("sim.launch.yaml", arguments, tmp_path / "graph.log", {"ROS_DOMAIN_ID": str(domain)}) as graph,
+        GraphProbe(domain) as probe,
+    ):
+        probe.wait_ready(120.0, lambda: graph.alive)
+        memory: dict[int, float] = {}
+        for cycle in range(CYCLES):
+            began = time.monotonic()
+            sentence = probe.reset(TASK, "test", cycle % TENTH)
+            done += probe.instruct_and_wait(sentence, 300.0, lambda: graph.healthy).succeeded
+            seconds.append(time.monotonic() - began)
+            assert graph.healthy, graph.log_tail(40)
+            if cycle == TENTH - 1:
+                memory = {pid: resident_mb(pid) for pid in graph.pids()}
+        growth = {name_of(pid): resident_mb(pid) - at_first for pid, at_first in memory.items()}
+        assert "Traceback" not in graph.log_text(), graph.log_tail(60)
+    slower = median(seconds[-TENTH:]) / median(seconds[:TENTH])
+    left = sorted(name for name in shared_files() - before if not is_mapped(name))
+    found = {"cycles": CYCLES, "succeeded": done, "growth_mb": growth, "last_to_first_tenth": slower, "left": left}
+    OUT.parent.mkdir(exist_ok=True)
+    OUT.write_text(json.dumps({**found, "seconds": [round(value, 2) for value in seconds]}, indent=1) + "\n")
+    print(found)
+    assert not left
+    assert max(growth.values()) <= GROWTH_MB, growth
+    assert CYCLES < ENOUGH or slower <= SLOWER
+
+
+def shared_files() -> set[str]:
+    return {path.name for path in SHARED.iterdir()}
+
+
+def is_mapped(name: str) -> bool:
+    """Return whether a process that lives still uses a file of shared memory: it is another graph's."""
+    for process in Path("/proc").iterdir():
+        if process.name.isdigit():
+            try:
+                if f"{SHARED}/{name}" in (process / "maps").read_text():
+                    return True
+            except OSError:  # it has ended, or is somebody else's
+                continue
+    return False
+
+
+def resident_mb(pid: int) -> float:
+    """Return the memory that a process holds [MB]."""
+    status = Path(f"/proc/{pid}/status").read_text()
+    return next(int(line.split()[1]) / 1024 for line in status.splitlines() if line.startswith("VmRSS"))
+
+
+def name_of(pid: int) -> str:
+    arguments = Path(f"/proc/{pid}/cmdline").read_bytes().decode(errors="replace").split("\0")
+    return f"{' '.join(Path(argument).name for argument in arguments[:2])} {pid}"
