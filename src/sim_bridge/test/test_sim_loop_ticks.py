@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from cliport_core.pose import Pose
+from sim_bridge.control.gripper_controller import HandFault
 from sim_bridge.control.trajectory_goal import TrajectoryGoal, TrajectoryPoint
 from sim_bridge.control.trajectory_log import TrajectoryLog, TrajectoryLogError
 from sim_bridge.node_faults import FaultInjection
@@ -113,7 +114,8 @@ def test_joints_and_clock_are_said_with_their_time() -> None:
     node: Any = SimpleNamespace(
         create_publisher=lambda kind, topic, qos: SimpleNamespace(publish=said.setdefault(topic, []).append)
     )
-    loop: Any = SimpleNamespace(every=lambda period, call: calls.update({call.__name__: call}))
+    hand = SimpleNamespace(fault=HandFault.NONE)
+    loop: Any = SimpleNamespace(every=lambda period, call: calls.update({call.__name__: call}), gripper=hand)
     camera: Any = SimpleNamespace(camera_in_base=Pose.from_xyz_rpy((0.4, 0.1, 1.0), (0.0, 0.0, 0.0)))
     parameters = SimParameters()
     StatePublisher(node, loop, camera, parameters)
@@ -130,6 +132,10 @@ def test_joints_and_clock_are_said_with_their_time() -> None:
     assert (transform.header.frame_id, transform.child_frame_id) == (parameters.base_frame, parameters.camera_frame)
     place = transform.transform.translation
     assert (place.x, place.y, place.z, transform.header.stamp.sec) == (0.4, 0.1, 1.0, 0)
+    hand.fault = HandFault.LOST
+    calls["_publish_joints"](3.6, state)
+    lost = said["/joint_states"][-1]
+    assert list(lost.name) == list(parameters.arm.arm_joints) and len(lost.position) == len(lost.effort) == 7
 
 
 def test_one_trajectory_is_aborted_on_its_way_and_the_next_is_not() -> None:
