@@ -50,7 +50,7 @@ class Processes:
 
     def __init__(self, folder: Path, domain: int) -> None:
         self._folder, self._stack = folder, ExitStack()
-        self._environment = os.environ | {"ROS_DOMAIN_ID": str(domain)}
+        self.environment = os.environ | {"ROS_DOMAIN_ID": str(domain)}
         self.running: dict[str, subprocess.Popen[Any]] = {}
 
     def start(self, name: str, *command: str, talks: bool = False) -> subprocess.Popen[Any]:
@@ -59,7 +59,7 @@ class Processes:
         log = self._stack.enter_context((self._folder / f"{name}.log").open("w"))
         streams.setdefault("stdout", log)
         process = subprocess.Popen(
-            [sys.executable, *command], stderr=log, text=True, env=self._environment, **streams
+            [sys.executable, *command], stderr=log, text=True, env=self.environment, **streams
         )  # fmt: skip
         self.running[name] = process
         self._stack.callback(_end, process)

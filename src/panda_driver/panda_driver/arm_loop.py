@@ -51,6 +51,7 @@ class ArmLoop:
         self._fault = ""  # of the last motion, until the errors are cleared
         self._state = port.read()
         self._recovery: Future[None] | None = None
+        self._ended = ""  # by which error the loop ended
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._run, name="arm", daemon=True)
 
@@ -116,6 +117,8 @@ class ArmLoop:
         with self._lock:
             if self.moving:
                 raise ArmFaultError("a goal is executed: cancel it first")
+            if self._ended:
+                raise ArmFaultError(self._ended)
             asked: Future[None] = Future()
             self._recovery = asked
         try:
@@ -184,7 +187,10 @@ class ArmLoop:
                 clock.sleep(max(PERIOD_S - (clock.monotonic() - begin), 0.0005))
         except Exception as error:
             with self._lock:
-                self._controller.reset(str(error))
+                self._ended = str(error)
+                self._controller.reset(self._ended)
+                if self._recovery is not None:
+                    self._recovery.set_exception(ArmFaultError(self._ended))
             self._on_failure(error)
             if not isinstance(error, DriverError):
                 raise

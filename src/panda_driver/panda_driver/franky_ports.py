@@ -217,7 +217,9 @@ def lost_words(what: str, address: str, error: Exception) -> str:
 
 
 def reflex_words(error: Exception) -> str:
-    """Return one line for a motion that the arm ended."""
+    """Return one line for a motion that the arm ended, or whose states stopped coming."""
+    if type(error).__name__ == "NetworkException":
+        return f"the arm's states stopped coming ({_line(error)}): look at the cable, then call ~/recover_errors"
     return f"the arm stopped by itself: {_line(error)}; look what it touched, then call ~/recover_errors"
 
 

@@ -56,12 +56,15 @@ class RunRecorder(Node):
         self._robot, self._fail = robot, fail
         head = {"arm": robot.name, "joints": list(robot.arm_joints), "began": self._now()}
         self._log = RunLog(path, head, self.get_logger().info)
+        quality = qos_profile_action_status_default
         actions = (("arm", robot.arm_action, FollowJointTrajectory), ("hand", robot.gripper_action, GripperCommand))
         for part, name, kind in actions:
             hear_status, hear_feedback = partial(self._on_status, part), partial(self._on_feedback, part)
-            quality = qos_profile_action_status_default
             self.create_subscription(GoalStatusArray, f"{name}/_action/status", hear_status, quality)
             self.create_subscription(kind.Impl.FeedbackMessage, f"{name}/_action/feedback", hear_feedback, 100)
+        for name in robot.motion_actions[2:]:  # of franka_msgs: they have no feedback
+            hear_status = partial(self._on_status, name.rpartition("/")[2])
+            self.create_subscription(GoalStatusArray, f"{name}/_action/status", hear_status, quality)
         self.create_subscription(JointState, topics.JOINT_STATES, self._on_joints, qos_profile_sensor_data)
 
     def close(self) -> None:
@@ -75,6 +78,9 @@ class RunRecorder(Node):
         efforts = dict(zip(message.name, message.effort, strict=False))
         if all(name in efforts for name in self._robot.arm_joints):
             self._log.on_efforts([float(efforts[name]) for name in self._robot.arm_joints])
+        places = dict(zip(message.name, message.position, strict=False))
+        if all(name in places for name in self._robot.finger_joints):
+            self._log.on_width(self._now(), sum(float(places[name]) for name in self._robot.finger_joints))
 
     def _on_status(self, part: str, message: GoalStatusArray) -> None:
         for status in message.status_list:

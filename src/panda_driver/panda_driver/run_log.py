@@ -14,6 +14,7 @@ from panda_driver.errors import DriverError
 
 FORMAT = 1
 ENDS = {4: "succeeded", 5: "canceled", 6: "aborted"}  # of action_msgs/GoalStatus
+_WITH_FEEDBACK = ("arm", "hand")
 _MOST_SAMPLES = 6000  # of one motion: a minute at 100 Hz
 
 
@@ -33,7 +34,10 @@ class Sample:
 
 @dataclass(eq=False)
 class RunningMotion:
-    """A goal of the arm ("arm") or the hand ("hand") that is running; began: ROS time [s]."""
+    """A goal that is running.
+
+    part: "arm", "hand", or one of franka_msgs' actions ("grasp", "move", "homing"); began: ROS time [s].
+    """
 
     goal: str
     part: str
@@ -98,6 +102,12 @@ class RunLog:
         if len(motion.samples) < _MOST_SAMPLES:
             given = self._efforts if part == "arm" else tuple(effort)
             motion.samples.append(Sample(now - motion.began, tuple(desired), tuple(measured), given))
+
+    def on_width(self, now: float, width: float) -> None:
+        """Take the measured width between the fingers [m]: a moment of what runs without feedback of its own."""
+        for motion in self._running.values():
+            if motion.part not in _WITH_FEEDBACK and len(motion.samples) < _MOST_SAMPLES:
+                motion.samples.append(Sample(now - motion.began, (), (width,), ()))
 
     def on_status(self, goal: str, part: str, now: float, status: int) -> None:
         """Take a goal's status, as action_msgs/GoalStatus numbers it."""

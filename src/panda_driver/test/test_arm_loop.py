@@ -10,7 +10,7 @@ import pytest
 from fake_franka import ARM, FakeArm
 
 from panda_driver.arm_loop import HOLD_S, ArmLoop
-from panda_driver.errors import ConnectionFailedError
+from panda_driver.errors import ArmFaultError, ConnectionFailedError
 from panda_driver.ports import ArmState
 from sim_bridge.control.arm_reflex import ArmControllerConfig
 from sim_bridge.control.goal_status import GoalStatus
@@ -181,3 +181,18 @@ def test_a_lost_arm_ends_the_loop_and_the_goal(bench: Bench) -> None:
     bench.loop._run()
     assert [str(error) for error in bench.failures] == ["no arm at 10.0.0.1"]
     assert (execution.status, execution.error_string) == (GoalStatus.ABORTED, "no arm at 10.0.0.1")
+
+
+def test_a_recovery_of_an_arm_that_was_lost_is_answered_at_once(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    def lost() -> ArmState:
+        raise ConnectionFailedError("the arm was lost")
+
+    monkeypatch.setattr(bench.arm, "read", lost)
+    asked: Future[None] = Future()
+    bench.loop._recovery = asked  # it was asked for just before
+    bench.loop._run()
+    with pytest.raises(ArmFaultError, match="the arm was lost"):
+        asked.result(0.0)
+    with pytest.raises(ArmFaultError, match="the arm was lost"):
+        bench.loop.recover(60.0)
+    assert len(bench.failures) == 1

@@ -186,6 +186,35 @@ def graph(tmp_path: Path) -> Iterator[tuple[Node, Path]]:
     rclpy.shutdown()
 
 
+def test_it_hears_a_grasp_by_the_finger_joints(graph: tuple[Node, Path]) -> None:
+    tester, path = graph
+    robot = load_preset("fr3")
+    quality = qos_profile_action_status_default
+    statuses = tester.create_publisher(GoalStatusArray, f"{robot.grasp_action}/_action/status", quality)
+    joints = tester.create_publisher(JointState, "/joint_states", 10)
+    state = JointState(name=list(robot.finger_joints), position=[0.012, 0.012])
+
+    def tell(status: int) -> None:
+        told = GoalStatus(status=status)
+        told.goal_info.goal_id.uuid = np.full(16, 3, dtype=np.uint8)
+        statuses.publish(GoalStatusArray(status_list=[told]))
+
+    deadline = time.monotonic() + 60.0
+    while not (statuses.get_subscription_count() and joints.get_subscription_count()) and time.monotonic() < deadline:
+        time.sleep(0.02)
+    tell(GoalStatus.STATUS_EXECUTING)
+    for _ in range(5):
+        time.sleep(0.05)
+        joints.publish(state)
+    time.sleep(0.1)
+    while len(path.read_text().splitlines()) < 2 and time.monotonic() < deadline:
+        tell(SUCCEEDED)
+        time.sleep(0.05)
+    [motion] = lines(path)[1:]
+    assert (motion["part"], motion["end"]) == ("grasp", "succeeded")
+    assert motion["samples"] and motion["samples"][-1][2] == [0.024]
+
+
 def test_it_hears_the_arm_and_the_hand(graph: tuple[Node, Path]) -> None:
     tester, path = graph
     robot = load_preset("fr3")

@@ -40,5 +40,12 @@ def test_a_broken_connection_and_a_reflex() -> None:
     assert said.startswith("the arm stopped by itself: Move command aborted: cartesian_reflex; look what it touched")
 
 
+def test_a_network_that_fails_in_a_motion_is_no_contact() -> None:
+    said = reflex_words(error("NetworkException", "libfranka: UDP receive: Timeout"))
+    assert (
+        said == "the arm's states stopped coming (UDP receive: Timeout): look at the cable, then call ~/recover_errors"
+    )
+
+
 def test_names_of_errors() -> None:
     assert error_names(SimpleNamespace(joint_reflex=True, cartesian_reflex=False, count=3)) == ["joint_reflex"]

@@ -30,6 +30,7 @@ from panda_executor.health import AgeLimits, assess
 from panda_executor.joint_tracker import JointTracker
 from panda_executor.model import PandaModel
 from panda_executor.node_controllers import Controllers
+from panda_executor.node_description import described
 from panda_executor.node_goals import GoalServers
 from panda_executor.node_parameters import NodeParameters, read_parameters
 from panda_executor.node_preview import PlanPreviews
@@ -38,7 +39,6 @@ from panda_executor.owner_watch import OwnerWatch
 from panda_executor.runner import PickPlaceRunner
 from panda_executor.surroundings import Surroundings
 from panda_executor.transfer import TransferPlanner
-from panda_model.description import load_description
 
 _LAST_WORDS = 0.2  # for the ended goal's result to reach its client [s]
 _TURN = 0.05  # between two signs that callbacks are delivered [s]
@@ -75,10 +75,7 @@ class ExecutorNode(Node):
 
     def _make_runner(self, parameters: NodeParameters) -> PickPlaceRunner:
         robot = parameters.robot
-        description = load_description(robot, parameters.robot_description)
-        if description.notice:
-            self.get_logger().warning(description.notice)
-        model = PandaModel(robot, parameters.self_clearance, description)
+        model = PandaModel(robot, parameters.self_clearance, described(self, robot, parameters.robot_description))
         planner = TransferPlanner(model, parameters.config)
         return PickPlaceRunner(model, planner, self._controllers.arm, self._controllers.gripper)
 

@@ -13,6 +13,7 @@ pytest.importorskip("cliport_interfaces.action")
 from rclpy.node import Node
 
 from panda_executor import node as module
+from panda_executor import node_description
 from panda_executor.health import AgeLimits
 from panda_executor.node import ExecutorNode
 from panda_model import load_preset
@@ -38,7 +39,7 @@ class Bench:
         for name in parts:
             monkeypatch.setattr(module, name, self._maker(name))
         monkeypatch.setattr(module, "read_parameters", lambda node: PARAMETERS)
-        monkeypatch.setattr(module, "load_description", self._describe)
+        monkeypatch.setattr(node_description, "load_description", self._describe)
         self.description = SimpleNamespace(notice=notice)
         monkeypatch.setattr(Node, "__init__", lambda node, name: self.calls.append(f"node {name}"))
         logger = SimpleNamespace(warning=self.words.append)

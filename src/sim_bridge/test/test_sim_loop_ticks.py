@@ -13,6 +13,7 @@ import pytest
 from played_faults import played_faults
 
 from cliport_core.pose import Pose
+from sim_bridge.control.gripper_controller import HandFault
 from sim_bridge.control.trajectory_goal import TrajectoryGoal, TrajectoryPoint
 from sim_bridge.control.trajectory_log import TrajectoryLog, TrajectoryLogError
 from sim_bridge.node_faults import FaultInjection
@@ -114,9 +115,8 @@ def test_joints_and_clock_are_said_with_their_time() -> None:
     node: Any = SimpleNamespace(
         create_publisher=lambda kind, topic, qos: SimpleNamespace(publish=said.setdefault(topic, []).append)
     )
-    loop: Any = SimpleNamespace(
-        every=lambda period, call: calls.update({call.__name__: call}), gripper=SimpleNamespace(fault=HandFault.NONE)
-    )
+    hand = SimpleNamespace(fault=HandFault.NONE)
+    loop: Any = SimpleNamespace(every=lambda period, call: calls.update({call.__name__: call}), gripper=hand)
     camera: Any = SimpleNamespace(camera_in_base=Pose.from_xyz_rpy((0.4, 0.1, 1.0), (0.0, 0.0, 0.0)))
     parameters = SimParameters()
     StatePublisher(node, loop, camera, parameters, played_faults())
@@ -133,6 +133,10 @@ def test_joints_and_clock_are_said_with_their_time() -> None:
     assert (transform.header.frame_id, transform.child_frame_id) == (parameters.base_frame, parameters.camera_frame)
     place = transform.transform.translation
     assert (place.x, place.y, place.z, transform.header.stamp.sec) == (0.4, 0.1, 1.0, 0)
+    hand.fault = HandFault.LOST
+    calls["_publish_joints"](3.6, state)
+    lost = said["/joint_states"][-1]
+    assert list(lost.name) == list(parameters.arm.arm_joints) and len(lost.position) == len(lost.effort) == 7
 
 
 def test_a_bumped_camera_is_turned_about_itself_and_shifted_and_other_numbers_are_refused() -> None:
