@@ -86,6 +86,17 @@ def test_what_is_nearer_hides_what_is_behind_it(cast_scene) -> None:
     assert behind.mean() < 0.002
 
 
+@pytest.mark.parametrize("shift", [-0.1, 0.1])
+def test_the_nearer_of_two_surfaces_in_one_pixel_wins_from_either_side(shift: float) -> None:
+    """A strip before a wall moves twice as far as the wall: over what was drawn already, and under what follows."""
+    depth = np.full((240, 320), 1.0, np.float32)
+    depth[:, 150:170] = 0.5
+    moved = DepthRegistration(SMALL, SMALL, Pose.from_xyz_rpy((shift, 0.0, 0.0), (0.0, 0.0, 0.0))).register(depth)
+    by = round(SMALL.fx * shift / 0.5)
+    assert (moved[:, 150 + by + 1 : 170 + by - 1] == 0.5).all()
+    assert (moved[:, 60:100] == 1.0).all() and (moved[:, 230:270] == 1.0).all()
+
+
 def test_holes_stay_holes_and_nothing_is_seen_beyond_the_border(cast_scene) -> None:
     raw = cast_scene(DEPTH, COLOR_IN_BASE @ DEPTH_IN_COLOR).depth
     registration = DepthRegistration(DEPTH, COLOR, DEPTH_IN_COLOR)
