@@ -51,7 +51,7 @@ def bench(tmp_path: Path) -> Iterator[tuple[Processes, TableArm, ArmUser]]:
     user = ArmUser(domain)
     user.wait(lambda: bool(user.joints), 60.0)
     executor = {"robot": "fr3", "use_sim_time": True, "auto_approve": True, **PATIENT}
-    processes.node("executor", "panda_executor.node", **executor)
+    processes.node("executor", "panda_executor.main", **executor)
     assert user.pick_place.wait_for_server(60.0)
     yield processes, arm, user
     user.close()
