@@ -5,6 +5,7 @@ import { input } from "./page.js";
 /** @import { Call, View } from "./protocol" */
 
 const REMEMBERED = "demonstrate.prefill";
+const RETRY_MS = 1000;
 
 export class Prefill {
   #call;
@@ -39,10 +40,19 @@ export class Prefill {
     const step = JSON.stringify([dataSet, recorded, episode?.name, episode?.steps.length, instruction]);
     if (step !== this.#asked) {
       this.#asked = step;
-      this.#call("propose", { text: instruction }).catch(this.#tell);
+      this.#call("propose", { text: instruction }).catch((error) => this.#tryAgain(error));
     } else if (policy.proposal?.instruction === instruction && step !== this.#drawn) {
       this.#drawn = step;
-      this.#call("correct").catch(this.#tell);
+      this.#call("correct").catch((error) => this.#tryAgain(error));
     }
+  }
+
+  /**
+   * What is refused just now, as while a picture is old, is asked for again.
+   * @param {unknown} error
+   */
+  #tryAgain(error) {
+    this.#tell(error);
+    setTimeout(() => { this.#asked = this.#drawn = ""; }, RETRY_MS);
   }
 }
