@@ -52,7 +52,9 @@ LESSONS: dict[str, dict[str, str]] = {  # command: what is smaller than in READM
     "ros2 run cliport_benchmark evaluate --checkpoint default --split test": {
         "--task": BOWLS, "--first-seed": "0", "--episodes": "1", "--out": "out/default.json",
     },
-    "ros2 run cliport_benchmark results out/expert --out out/results.md": {},
+    "ros2 run cliport_benchmark evaluate --checkpoint blind --without-arm --task all --split test --episodes 50 "
+    "--out out/blind": {"--task": f"block-insertion,{BOWLS}", "--episodes": "1"},
+    "ros2 run cliport_benchmark results out/expert out/blind --out out/results.md": {},
     "ros2 run cliport_benchmark results out/expert --by-split": {},
     "ros2 run cliport_benchmark card_scores --checkpoint runs/bowls out/seen.json": {},
     "ros2 run cliport_benchmark gallery --out out/benchmark.png --videos out/videos": {"--tasks": "block-insertion"},

@@ -83,10 +83,10 @@ def picture(value: int) -> Image:
 
 
 def test_a_scene_is_made_or_refused_in_the_simulators_words(client: GraphClient, clock: Clock) -> None:
-    answer = SimpleNamespace(success=True, max_steps=14, instruction="put it there", message="no place")
+    answer = SimpleNamespace(success=True, max_steps=14, redraws=2, instruction="put it there", message="no place")
     client._reset = service = Service(clock, 39.9, answer)  # type: ignore[assignment]
     assert client.max_steps == 0 and client.reset(TASK, "test", 3, "put it") == "put it there"
-    assert client.max_steps == 14
+    assert (client.max_steps, client.redraws) == (14, 2)
     (asked,) = service.asked
     assert (asked.task, asked.split, asked.seed, asked.instruction) == (TASK, "test", 3, "put it")
     answer.success = False
@@ -98,11 +98,13 @@ def test_a_scene_is_made_or_refused_in_the_simulators_words(client: GraphClient,
 
 
 def test_the_score_is_asked_for_once_things_lie_still(client: GraphClient, clock: Clock) -> None:
-    answer = SimpleNamespace(success=True, score=0.5, done=True, instruction="put it there", message="no task")
+    answer = SimpleNamespace(
+        success=True, score=0.5, done=True, broken=True, instruction="put it there", message="no task"
+    )
     client._score = Service(clock, 0.0, answer)  # type: ignore[assignment]
     assert client.score() == 0.5 and clock.slept == [graph_client._JUDGED_AFTER]
     assert graph_client.SimConfig().max_settle_s + 0.5 == clock.slept[0]
-    assert client.judged(2.0) == (0.5, True, "put it there") and clock.slept[1] == clock.slept[0] / 2
+    assert client.judged(2.0) == (0.5, True, "put it there", True) and clock.slept[1] == clock.slept[0] / 2
     answer.success = False
     with pytest.raises(BenchmarkError, match="no task"):
         client.progress()

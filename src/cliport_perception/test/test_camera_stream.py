@@ -27,7 +27,7 @@ from cliport_perception.errors import CalibrationError, UnfitFrameError
 from cliport_perception.node_camera import CameraSettings, CameraStream
 
 FRAME = "camera_color_optical_frame"
-SETTINGS = CameraSettings(WorkspaceSpec(), HealthLimits(), 0.0, 0.0, 0.3, None, 1, False, False, SLOP_S)
+SETTINGS = CameraSettings(WorkspaceSpec(), HealthLimits(), 0.0, 0.0, 0.3, None, 0.0, 1, False, False, SLOP_S)
 DEPTH_FRAME, DEPTH_INFO = "camera_depth_optical_frame", "/camera/depth/camera_info"
 DEPTH_IN_COLOR = Pose.from_xyz_rpy((-0.05, 0.01, 0.0), (0.0, -0.02, 0.01))
 MakeStream = Callable[..., tuple[CameraStream, list[Heightmap]]]

@@ -81,7 +81,7 @@ def planner_with(model: PandaModel, **timing: float) -> TransferPlanner:
     search = SearchConfig(time_limit=60.0)
     slower = replace(config.timing, **timing)
     planner = TransferPlanner(model, replace(config, timing=slower, search=search, planning_time=60.0))
-    planner.place_camera(CAMERA)
+    planner.place_cameras(CAMERA)
     return planner
 
 

@@ -95,6 +95,7 @@ def test_joint_states_and_signs_of_life_are_taken_note_of(bench: Bench) -> None:
 
 def test_what_perception_refuses_a_camera_for_reaches_the_clouds(bench: Bench) -> None:
     heard: list[tuple[str, int]] = []
+    bench.node._settings = SimpleNamespace(cameras=1)  # type: ignore[assignment]
     bench.node._clouds.complain = lambda *given: heard.append(given)  # type: ignore[method-assign]
     bench.node._subscribe()
     statuses = [
