@@ -105,9 +105,10 @@ def test_the_policy_draws_each_step_and_one_key_accepts(person: Person) -> None:
     person.press("e")
     until(lambda: steps(place), "executed")
     assert (steps(place)[0]["instruction"], steps(place)[0]["source"]) == ("put it on the blue one", "proposed")
+    until(lambda: "put it on the blue one" in place.policy.heard, "asked about the next step")
+    until(lambda: place.station.view(None)["draft"]["source"] == "proposed", "and its proposal is drawn")
     page.reload()
     assert page.locator("#prefill").is_checked(), "it is remembered"
-    page.locator(".end.pick .end-words", has_text="the policy's position").wait_for()
     person.click("#clear")
     person.draw_both()
     until(lambda: place.station.view(None)["draft"]["source"] == "clicked", "own boxes stay")

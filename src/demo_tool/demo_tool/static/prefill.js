@@ -36,8 +36,12 @@ export class Prefill {
     const wanted = input("prefill");
     wanted.disabled = !open || view.holder !== "me";
     const { data_set: dataSet, instruction, episode, draft, policy, recorded } = view;
-    if (wanted.disabled || !wanted.checked || view.state !== "ready" || !dataSet || !instruction || draft.pick || draft.place) return;
+    if (wanted.disabled || !wanted.checked || view.state !== "ready" || !dataSet || !instruction) return;
     const step = JSON.stringify([dataSet, recorded, episode?.name, episode?.steps.length, instruction]);
+    if (draft.pick || draft.place) {
+      if (!this.#asked) this.#asked = this.#drawn = step; // drawn before this page was loaded: what is cleared stays away
+      return;
+    }
     if (step !== this.#asked) {
       this.#asked = step;
       this.#call("propose", { text: instruction }).catch((error) => this.#tryAgain(error));
