@@ -17,6 +17,7 @@ from cliport_core import Pose
 from sim_bridge.control.gripper_controller import GripperGoal
 from sim_bridge.control.joint_trajectory_controller import TrajectoryExecution
 from sim_bridge.control.trajectory_goal import JointTolerance, TrajectoryGoal
+from sim_bridge.errors import SimBridgeError
 from sim_bridge.joint_state_faults import JointStateFaults, StateFault
 from sim_bridge.robot import HAND
 from sim_bridge.sim_loop import SimLoop
@@ -121,7 +122,7 @@ class FaultInjection:
             elif parameter.name == _BUMP:
                 try:
                     self._bump = _bump(parameter.value)
-                except ValueError as error:
+                except SimBridgeError as error:
                     return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
 
@@ -138,7 +139,7 @@ class FaultInjection:
 
 
 def _bump(numbers: Sequence[float]) -> Pose:
-    """Return the shift and the turn of six numbers. Raises ValueError when they are something else."""
+    """Return the shift and the turn of six numbers. Raises SimBridgeError when they are something else."""
     if len(numbers) != len(_AT_REST) or not all(math.isfinite(number) for number in numbers):
-        raise ValueError(f"{_BUMP} must be six finite numbers, got {list(numbers)}")
+        raise SimBridgeError(f"{_BUMP} must be six finite numbers, got {list(numbers)}")
     return Pose(Rotation.from_rotvec(numbers[3:]).as_matrix(), np.asarray(numbers[:3], dtype=np.float64))

@@ -16,6 +16,7 @@ from cliport_core.pose import Pose
 from sim_bridge.control.gripper_controller import HandFault
 from sim_bridge.control.trajectory_goal import TrajectoryGoal, TrajectoryPoint
 from sim_bridge.control.trajectory_log import TrajectoryLog, TrajectoryLogError
+from sim_bridge.errors import SimBridgeError
 from sim_bridge.node_faults import FaultInjection
 from sim_bridge.node_parameters import SimParameters
 from sim_bridge.node_state import StatePublisher
@@ -158,6 +159,11 @@ def test_a_bumped_camera_is_turned_about_itself_and_shifted_and_other_numbers_ar
         answer = hooks[0]([SimpleNamespace(name="bump_camera", value=value)])
         assert not answer.successful and answer.reason.startswith("bump_camera must be six finite numbers, got [0.0, ")
     assert faults.true_pose(told).is_close(true)
+    node.declare_parameter = lambda name, value, descriptor: SimpleNamespace(
+        value=[1.0] if name == "bump_camera" else value
+    )
+    with pytest.raises(SimBridgeError, match=r"bump_camera must be six finite numbers, got \[1.0\]"):
+        FaultInjection(node, SimpleNamespace(every=lambda *given: None))  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
