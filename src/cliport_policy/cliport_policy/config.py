@@ -86,7 +86,7 @@ class TrainConfig:
     mirror_probability: share of samples that are seen in a mirror, with left and right, or top and bottom, exchanged in
     their sentences.
     jitter: True adds small errors to colours and heights.
-    phrases_per_goal: number of wordings of each canonical sentence.
+    phrases_per_goal: number of wordings of each canonical sentence, fewer where all of them would not fit in memory.
     """
 
     steps: int = 6000

@@ -53,7 +53,7 @@ def test_yaw_turns_with_the_picture() -> None:
 def test_all_labels_of_a_sample_turn_with_its_picture(make_flat_set: Callable[..., Path], tmp_path: Path) -> None:
     data = load_demonstrations(make_flat_set(tmp_path / "data", 1))
     demo = replace(data.frames[0].demos[0], pick_yaw=0.7, place_yaw=-0.4)
-    drawn, book = Drawn(data, data.frames[0], demo, None), Phrasebook([demo.instruction], 0, np.random.default_rng(0))
+    drawn, book = Drawn(data, data.frames[0], demo, None), Phrasebook({demo.instruction: 0}, np.random.default_rng(0))
     still = TrainConfig(jitter=False, augment_probability=0.0)
     plain = make_sample(drawn, book, None, still, np.random.default_rng(0))
     assert (plain.pick, plain.place, plain.pick_yaw) == (demo.pick_pixel, demo.place_pixel, 0.7)

@@ -188,11 +188,11 @@ def test_a_sentence_needs_one_pick_and_all_places(things: set[tuple[str, str]], 
 
 def test_a_phrasebook_keeps_what_may_not_change() -> None:
     sentence = "put the red blocks in a blue bowl"
-    book = Phrasebook([sentence, "fold it"], 30, np.random.default_rng(0), {"fold it"})
+    book = Phrasebook({sentence: 30, "fold it": 0}, np.random.default_rng(0))
     phrases = book.all_phrases()
     assert len(phrases) > 10 and sentence in phrases and phrases == sorted(phrases)
     assert {book.draw("fold it", np.random.default_rng(i)) for i in range(9)} == {"fold it"}
-    assert Phrasebook([sentence], 0, np.random.default_rng(0)).all_phrases() == [sentence]
+    assert Phrasebook({sentence: 0}, np.random.default_rng(0)).all_phrases() == [sentence]
 
 
 def test_sentences_are_forgotten_when_there_are_too_many(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -30,7 +30,7 @@ def _mixture(make: MakeSet, folder: Path, weights: tuple[float, ...] = (1.0,), *
 
 
 def _loader(mixture: Mixture, config: TrainConfig = CONFIG, rank: int = 0, size: int = 1) -> Loader:
-    book = Phrasebook(mixture.instructions(), config.phrases_per_goal, np.random.default_rng(0))
+    book = Phrasebook(dict.fromkeys(mixture.instructions(), config.phrases_per_goal), np.random.default_rng(0))
     return Loader(mixture, book, config, rank=rank, world_size=size)
 
 

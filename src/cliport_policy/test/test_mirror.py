@@ -77,7 +77,7 @@ def test_a_sample_is_mirrored_whole(make_flat_set: Callable[..., Path], tmp_path
     data = load_demonstrations(make_flat_set(tmp_path / "data", 1))
     demo = replace(data.frames[0].demos[0], instruction="take the left one", pick_yaw=0.7, place_yaw=-0.4)
     drawn = Drawn(data, data.frames[0], demo, data.frames[0])
-    book = Phrasebook(mirrored_sentences(demo.instruction), 0, np.random.default_rng(0))
+    book = Phrasebook(dict.fromkeys(mirrored_sentences(demo.instruction), 0), np.random.default_rng(0))
 
     def sample(probability: float, seed: int) -> Sample:
         config = replace(PLAIN, mirror_probability=probability)

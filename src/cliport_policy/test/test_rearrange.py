@@ -126,7 +126,7 @@ def test_samples_are_rearranged_when_asked(flat_set: Path) -> None:
     picks = []
     for probability in (0.0, 1.0):
         config = TrainConfig(rearrange_probability=probability, augment_probability=0.0, jitter=False)
-        book = Phrasebook(mixture.instructions(), 1, np.random.default_rng(0))
+        book = Phrasebook(dict.fromkeys(mixture.instructions(), 1), np.random.default_rng(0))
         sample = make_sample(drawn, book, None, config, np.random.default_rng(0))
         picks.append(sample.pick)
     assert picks[0] == drawn.demo.pick_pixel != picks[1]

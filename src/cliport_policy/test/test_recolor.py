@@ -74,15 +74,18 @@ def test_what_was_red_is_what_the_sentence_names_now(make_flat_set: MakeSet, tmp
                 assert distance(_at(image, pixel), shades) < 4
             table = scene.height < 0.01
             assert (image[table] == scene.color[table]).all()
-            assert paints.sentence(drawn.demo.instruction) in recoloring.sentences()
+            assert paints.sentence(drawn.demo.instruction) in recoloring.sentences_of(drawn.demo.instruction)
 
 
 def test_only_demonstrated_colours_are_exchanged_unless_the_survey_is_asked(
     make_flat_set: MakeSet, tmp_path: Path
 ) -> None:
     mixture = _mixture(make_flat_set, tmp_path)
-    few, many = (Recoloring(mixture, surveyed, np.random.default_rng(0)).sentences() for surveyed in (False, True))
-    assert few == ["put the blue blocks in a red bowl"]
+    (sentence,) = mixture.instructions()
+    few, many = (
+        Recoloring(mixture, surveyed, np.random.default_rng(0)).sentences_of(sentence) for surveyed in (False, True)
+    )
+    assert few == {"put the blue blocks in a red bowl"}
     assert len(many) == 12 * 11 - 1 and "put the cyan blocks in a purple bowl" in many
 
 
@@ -141,8 +144,10 @@ def test_steps_in_other_colours_are_always_the_same(make_flat_set: MakeSet, tmp_
 
     def make() -> Loader:
         recoloring = Recoloring(mixture, False, np.random.default_rng(0))
-        sentences = [*mixture.instructions(), *recoloring.sentences()]
-        return Loader(mixture, Phrasebook(sentences, 3, np.random.default_rng(0)), config, recoloring)
+        own = set(mixture.instructions())
+        sentences = own.union(*map(recoloring.sentences_of, own))
+        book = Phrasebook(dict.fromkeys(sentences, 3), np.random.default_rng(0))
+        return Loader(mixture, book, config, recoloring)
 
     first, again = make().step(3).parts[0], make().step(3).parts[0]
     assert (first.images == again.images).all() and first.phrases == again.phrases

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Container, Iterable, Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -82,20 +82,15 @@ class Batch(NamedTuple):
 class Phrasebook:
     """Fixed number of wordings for each goal, drawn once, so that their embeddings can be kept."""
 
-    def __init__(
-        self,
-        instructions: Iterable[str],
-        phrases_per_goal: int,
-        rng: np.random.Generator,
-        unchanging: Container[str] = (),
-    ) -> None:
-        """Draw the wordings; those in `unchanging` have one only."""
+    def __init__(self, wordings: Mapping[str, int], rng: np.random.Generator) -> None:
+        """Draw the wordings.
+
+        wordings: how many are drawn of each sentence, beside the sentence itself.
+        """
         self._phrases: dict[str, list[str]] = {}
-        for text in sorted(set(instructions)):
-            wordings = {text}
-            for _ in range(0 if text in unchanging else phrases_per_goal):
-                wordings.add(paraphrase(text, rng))
-            self._phrases[text] = sorted(wordings)
+        for text in sorted(wordings):
+            drawn = {paraphrase(text, rng) for _ in range(wordings[text])}
+            self._phrases[text] = sorted(drawn | {text})
 
     def draw(self, instruction: str, rng: np.random.Generator) -> str:
         """Return a random wording of an instruction."""

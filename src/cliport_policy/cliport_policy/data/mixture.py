@@ -107,14 +107,12 @@ class Mixture:
         """Return each sentence once, sorted."""
         return sorted({self.sources[i].data.demo(sample).instruction for i, sample in self._samples})
 
-    def unchanging_instructions(self) -> set[str]:
-        """Return the sentences that no source allows to be reworded."""
-        found: dict[str, bool] = {}
+    def instructions_by_source(self) -> list[set[str]]:
+        """Return each source's sentences, in the sources' order."""
+        found: list[set[str]] = [set() for _ in self.sources]
         for i, sample in self._samples:
-            source = self.sources[i]
-            sentence = source.data.demo(sample).instruction
-            found[sentence] = found.get(sentence, False) or source.settings.paraphrase
-        return {sentence for sentence, reworded in found.items() if not reworded}
+            found[i].add(self.sources[i].data.demo(sample).instruction)
+        return found
 
     def _drawable_samples(self, number: int) -> list[Index]:
         data, goals = self.sources[number].data, self._goals[number]

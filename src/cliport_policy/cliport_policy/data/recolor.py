@@ -87,18 +87,15 @@ class Recoloring:
         demonstrated = set(self._palette)
         if surveyed:
             self._palette = {term: _spread(shades) for term, shades in surveyed_shades().items()} | self._palette
-        self._changes = self._draw_changes(mixture.instructions(), rng)
+        self._changes = self._draw_changes(sorted({sentence for *_, sentence in self._first_actions}), rng)
         self._weights: dict[str, NDArray[np.float64]] = {}
         for text, changes in self._changes.items():
             n_surveyed = [len(set(change.values()) - demonstrated) for change in changes]
             self._weights[text] = np.cumsum([_SURVEYED_WEIGHT**n for n in n_surveyed])
 
-    def sentences(self) -> list[str]:
-        """Return all sentences that repaintings may make of the mixture's, sorted."""
-        found: set[str] = set()
-        for text, changes in self._changes.items():
-            found.update(rename(text, terms) for terms in changes)
-        return sorted(found)
+    def sentences_of(self, instruction: str) -> set[str]:
+        """Return what repaintings may make of a sentence; nothing of one that is never repainted."""
+        return {rename(instruction, terms) for terms in self._changes.get(instruction, ())}
 
     def draw(self, drawn: Drawn, rng: np.random.Generator) -> Repainting | None:
         """Draw a repainting; None if the sentence names no colour that was recognised in its episode."""
@@ -126,7 +123,7 @@ class Recoloring:
         return {term: _spread(np.array(found[term])) for term in sorted(found)}
 
     def _draw_changes(self, instructions: list[str], rng: np.random.Generator) -> dict[str, list[dict[str, str]]]:
-        most = max(6, _MAX_SENTENCES // len(instructions))
+        most = max(6, _MAX_SENTENCES // max(len(instructions), 1))
         return {text: self._changes_for(text, most, rng) for text in instructions}
 
     def _changes_for(self, text: str, most: int, rng: np.random.Generator) -> list[dict[str, str]]:

@@ -38,7 +38,7 @@ def agreement(network: PolicyNetwork, data: Mixture, indices: Iterable[int]) -> 
     network.eval()
     rng = np.random.default_rng(0)
     plain = TrainConfig(augment_probability=0.0, jitter=False)
-    phrasebook = Phrasebook(data.instructions(), 0, rng)
+    phrasebook = Phrasebook(dict.fromkeys(data.instructions(), 0), rng)
     device = next(network.parameters()).device
     cell, radius = network.cell_size, CONFIDENCE_RADIUS / data.workspace.pixel_size
     hits = {"pick": [0, 0], "yaw": [0, 0], "place": [0, 0], "done": [0, 0]}

@@ -23,6 +23,7 @@ from cliport_policy.data.loader import THREADS, Loader, StepBatches
 from cliport_policy.data.mirror import mirrored_sentences
 from cliport_policy.data.mixture import Mixture, Source, SourceSettings
 from cliport_policy.data.recolor import Recoloring
+from cliport_policy.data.wordings import SentenceGroup, share_wordings
 from cliport_policy.errors import TrainingError
 from cliport_policy.language import ENCODER_NAME, TextEncoder
 from cliport_policy.named_configs import AnyNetworkConfig
@@ -36,7 +37,7 @@ from cliport_policy.training.state import resume_state, save_state
 logger = logging.getLogger(__name__)
 
 N_ANCHORS = 256
-MAX_PHRASES = 9_000  # wordings with repainted colours, whose embeddings fit the encoder's cache
+MAX_PHRASES = 12_000  # wordings of all sentences, whose embeddings fit the encoder's cache
 # Lower than the similarity of every sentence of the training grammar (at least 0.58 for wordings not drawn, of all ten
 # tasks; 0.45 with 64 anchors) and higher than that of sentences about other things (at most 0.42 in a list of twenty).
 MIN_SIMILARITY = 0.45
@@ -216,17 +217,18 @@ class Trainer:
 
     def _draw_wordings(self) -> tuple[Recoloring | None, Phrasebook]:
         config, recoloring = self.config, None
-        sentences, unchanging = set(self.data.instructions()), self.data.unchanging_instructions()
         if config.recolor != "none":
             surveyed = config.recolor == "surveyed"
             recoloring = Recoloring(self.data, surveyed, np.random.default_rng((config.seed, 2)))
-            sentences.update(recoloring.sentences())
-        if config.mirror_probability:
-            sentences.update(*map(mirrored_sentences, sentences))
-            unchanging.update(*map(mirrored_sentences, unchanging))
-        phrases = min(config.phrases_per_goal, MAX_PHRASES // len(sentences))
-        rng = np.random.default_rng((config.seed, 1))
-        return recoloring, Phrasebook(sentences, phrases, rng, unchanging)
+        groups = []
+        for source, sentences in zip(self.data.sources, self.data.instructions_by_source(), strict=True):
+            if recoloring is not None and source.settings.recolor:
+                sentences |= set().union(*map(recoloring.sentences_of, sentences))
+            if config.mirror_probability:
+                sentences |= set().union(*map(mirrored_sentences, sentences))
+            wanted = config.phrases_per_goal if source.settings.paraphrase else 0
+            groups.append(SentenceGroup(sentences, wanted))
+        return recoloring, Phrasebook(share_wordings(groups, MAX_PHRASES), np.random.default_rng((config.seed, 1)))
 
     def _anchor_vectors(self, phrasebook: Phrasebook) -> Tensor:
         """Return anchors of this training and of its initial checkpoint, whose sentences must not be refused now."""

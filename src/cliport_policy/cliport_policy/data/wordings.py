@@ -1,0 +1,33 @@
+"""Shares of the wordings that a training remembers: a data set of many sentences eats no other's."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+
+class SentenceGroup(NamedTuple):
+    """Sentences of one data set, and how many wordings each shall have beside itself."""
+
+    sentences: set[str]
+    wanted: int
+
+
+def share_wordings(groups: Sequence[SentenceGroup], most: int) -> dict[str, int]:
+    """Return how many wordings to draw of each sentence; with the sentences themselves at most `most`, if these fit.
+
+    What is left beside the sentences themselves is dealt out to the groups alike, in a group to its sentences alike;
+    what a group does not want goes to the others. A sentence of two groups has the larger number.
+    """
+    found = {sentence: 0 for group in groups for sentence in group.sentences}
+    left = max(most - len(found), 0)
+    takers = sorted(
+        (group for group in groups if group.sentences), key=lambda group: group.wanted * len(group.sentences)
+    )
+    for number, group in enumerate(takers):
+        share = left // (len(takers) - number)
+        each = min(group.wanted, share // len(group.sentences))
+        left -= each * len(group.sentences)
+        for sentence in group.sentences:
+            found[sentence] = max(found[sentence], each)
+    return found
