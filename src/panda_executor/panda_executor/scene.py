@@ -179,9 +179,10 @@ class Scene:
         """
         cover, which = self.model.reaching, np.arange(len(centres))
         hit = self._hit(cover, centres, which)
-        if cover.parts is not None and hit.any():
-            which = np.flatnonzero(hit[cover.parts.part_of])
-            cover, centres = cover.parts, cover.parts.placed(self.model.data, which)
+        parts = cover.parts
+        if parts is not None and hit.any():
+            which = np.flatnonzero(hit[parts.part_of])
+            cover, centres = parts, parts.placed(self.model.data, which)
             hit = self._hit(cover, centres, which, finely=True)
         return (centres[hit], cover.radii[which[hit]] + self.config.arm_clearance) if hit.any() else None
 
