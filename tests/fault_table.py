@@ -9,6 +9,7 @@ from pathlib import Path
 
 OUT = Path(__file__).resolve().parents[1] / "out" / "motion_faults.json"
 _LINE = re.compile(r"\[(?P<level>\w+)\] \[[\d.]+\] \[(?P<node>panda_executor|panda_guard|sim_bridge)\]: (?P<words>.+)")
+_END = re.compile(r"[A-Z_]+ after [\d.]+ s: ")  # of a goal, as the executor logs it
 _PATIENCE = 4.0  # for the first line about a fault [s]
 _MORE = 0.5  # for those that follow on it [s]
 
@@ -20,7 +21,7 @@ class FaultLog:
         self._path, self._begin = path, len(path.read_text(errors="replace"))
 
     def said(self) -> str:
-        """Return how a goal ended, or why everything was cancelled, in the order in which it was said."""
+        """Return how the goal ended, and why everything was cancelled before, in the order in which it was said."""
         deadline = time.monotonic() + _PATIENCE
         while not self._found() and time.monotonic() < deadline:
             time.sleep(0.05)
@@ -29,11 +30,16 @@ class FaultLog:
 
     def _found(self) -> list[str]:
         text = self._path.read_text(errors="replace")[self._begin :]
-        lines = [match for match in map(_LINE.search, text.splitlines()) if match is not None]
-        told = [
-            line for line in lines if line["level"] == "ERROR" or re.search(r"[A-Z]+ after [\d.]+ s: ", line["words"])
-        ]
-        return list(dict.fromkeys(f"{_NAMES[line['node']]}: {line['words']}" for line in told))
+        told: dict[str, None] = {}
+        for line in map(_LINE.search, text.splitlines()):
+            if line is None:
+                continue
+            ended = _END.match(line["words"])
+            if ended or line["level"] == "ERROR":
+                told[f"{_NAMES[line['node']]}: {line['words']}"] = None
+            if ended:  # what follows is about another goal
+                break
+        return list(told)
 
 
 _NAMES = {"panda_executor": "executor", "panda_guard": "guard", "sim_bridge": "simulator"}

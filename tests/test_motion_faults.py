@@ -155,6 +155,7 @@ def test_what_is_dropped_on_the_way_is_noticed(ready: tuple[GraphProcess, GraphP
     _wait_words(graph, "the object was lost during", 20.0)
 
 
+AT_REST = ("GRASP_PLANNING", "CLOSE", "OPEN")  # phases in which the arm does not move
 PHASES = ("GRASP_PLANNING", "GO_ABOVE_PICK", "DESCEND", "CLOSE", "RAISE", "CARRY", "LOWER", "OPEN", "RETREAT")
 
 
@@ -165,6 +166,8 @@ def test_a_stop_in_each_phase_holds_the_arm_until_it_is_asked_again(
     graph, probe, sentence = ready
     probe.instruct(sentence)
     probe.wait_phase(phase, 60.0)
+    if phase not in AT_REST:
+        probe.wait_moving(5.0)
     log = FaultLog(graph.log_path)
     before, start = probe.positions(JOINTS), time.monotonic()
     probe.trigger("/panda_executor/stop")
