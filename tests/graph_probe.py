@@ -114,13 +114,13 @@ class GraphProbe(GraphClient):
             time.sleep(0.005)
         raise AssertionError(f"no {name} within {timeout} s; there were {[phase for _, phase in self._phases][-9:]}")
 
-    def wait_still(self, since: float, timeout: float = 30.0) -> float:
-        """Wall time from which on the arm stood still for 0.3 s, after since."""
+    def wait_still(self, since: float, timeout: float = 30.0, span: float = 0.3) -> float:
+        """Wall time from which on the arm stood still for `span` seconds, after since."""
         deadline = time.monotonic() + timeout
         while time.monotonic() < deadline:
             start = self._wait_speed(lambda speed: speed < STILL, since, timeout)
-            time.sleep(0.35)
-            heard = self._speeds(start)
+            time.sleep(span + 0.05)
+            heard = [speed for stamp, speed in list(self._history) if start <= stamp <= start + span]
             if heard and max(heard) < STILL:  # silence is no standstill
                 return start
             since = start + 0.02

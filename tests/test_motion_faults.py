@@ -1,6 +1,7 @@
 """Faults injected into the running graph: how long the arm moves on after each, and how far.
 
-`make soak` runs this; the figures go to out/motion_faults.json, and docs/motion_safety.md has the table.
+`make soak` runs this; the figures go to out/motion_faults.json, and `python tests/fault_table.py` makes the table of
+docs/motion_safety.md of them.
 """
 
 import json
@@ -8,13 +9,15 @@ import os
 import signal
 import time
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 import pytest
 from browser_user import CHROMIUM
+from fault_table import OUT, FaultLog
 from graph_probe import STILL, GraphProbe
-from hardware_times import ROOT, with_hardware_times
+from hardware_times import with_hardware_times
 from numpy.typing import NDArray
 from ros_domain import next_domain
 
@@ -24,18 +27,18 @@ from panda_executor.model import PandaModel
 from panda_model import load_preset
 
 TASK = "put-blocks-in-bowls-seen-colors"
-OUT = ROOT / "out" / "motion_faults.json"
 GUARD = 2.0  # s, after which a test gives up; the figures themselves are in the table
 JOINTS = list(load_preset().arm_joints)
 
 pytestmark = pytest.mark.soak
 
 
-@pytest.fixture
-def ready(tmp_path: Path) -> Iterator[tuple[GraphProcess, GraphProbe, str]]:
+@contextmanager
+def resting_graph(tmp_path: Path, patient: bool) -> Iterator[tuple[GraphProcess, GraphProbe, str]]:
     """A graph of its own for each fault, in real time, its arm at rest; and what there is to be done."""
     domain = next_domain()
-    arguments = {"task": TASK, "split": "test", "seed": "3", "params": str(with_hardware_times(tmp_path))}
+    params = str(with_hardware_times(tmp_path, patient))
+    arguments = {"task": TASK, "split": "test", "seed": "3", "params": params}
     environment = {"ROS_DOMAIN_ID": str(domain)}
     with (
         GraphProcess("sim.launch.yaml", arguments, tmp_path / "graph.log", environment) as graph,
@@ -49,13 +52,20 @@ def ready(tmp_path: Path) -> Iterator[tuple[GraphProcess, GraphProbe, str]]:
 
 
 @pytest.fixture
-def moving(ready: tuple[GraphProcess, GraphProbe, str]) -> tuple[GraphProcess, GraphProbe]:
-    """A graph whose arm is under way to the pick."""
-    graph, probe, sentence = ready
-    probe.instruct(sentence)
-    probe.wait_moving(40.0)
-    time.sleep(0.25)
-    return graph, probe
+def ready(tmp_path: Path) -> Iterator[tuple[GraphProcess, GraphProbe, str]]:
+    """A graph for what does not depend on how long the executor waits for signs of life."""
+    with resting_graph(tmp_path, patient=True) as graph:
+        yield graph
+
+
+@pytest.fixture
+def moving(tmp_path: Path) -> Iterator[tuple[GraphProcess, GraphProbe]]:
+    """A graph with the times of the hardware, whose arm is under way to the pick."""
+    with resting_graph(tmp_path, patient=False) as (graph, probe, sentence):
+        probe.instruct(sentence)
+        probe.wait_moving(40.0)
+        time.sleep(0.25)
+        yield graph, probe
 
 
 def kill(executable: str, number: int) -> Callable[[GraphProcess, GraphProbe], None]:
@@ -99,9 +109,10 @@ FAULTS: dict[str, Callable[[GraphProcess, GraphProbe], object]] = {
 @pytest.mark.parametrize("fault", FAULTS)
 def test_the_arm_comes_to_rest(moving: tuple[GraphProcess, GraphProbe], fault: str) -> None:
     graph, probe = moving
+    log = FaultLog(graph.log_path)
     before, start = probe.positions(JOINTS), time.monotonic()
     FAULTS[fault](graph, probe)
-    still = _rests(probe, fault, start, before)
+    still = _rests(probe, fault, start, before, log)
     if fault.startswith("executor hung"):
         os.kill(graph.pid_of("executor"), signal.SIGCONT)
         time.sleep(1.0)  # it wakes up: nothing may go on
@@ -123,13 +134,11 @@ WORDS = {
 def test_what_fails_is_named_and_the_arm_rests(ready: tuple[GraphProcess, GraphProbe, str], switch: str) -> None:
     graph, probe, sentence = ready
     probe.set_sim_parameter(switch, True)
-    start = time.monotonic()
+    log = FaultLog(graph.log_path)
     probe.instruct(sentence)
-    _wait_words(graph, WORDS[switch], 40.0)
-    said = time.monotonic()
+    said = _wait_words(graph, WORDS[switch], 40.0)
     probe.instruct("")
-    still = probe.wait_still(said, 20.0)
-    _note(switch.replace("_", " "), still - said, 0.0, f"said after {said - start:.1f} s: {WORDS[switch]}")
+    still = _rests(probe, switch.replace("_", " "), said, probe.positions(JOINTS), log)
     time.sleep(0.5)
     assert probe.fastest(still + 0.05) < STILL, "the arm went on"
 
@@ -139,12 +148,14 @@ def test_what_is_dropped_on_the_way_is_noticed(ready: tuple[GraphProcess, GraphP
     probe.instruct(sentence)
     probe.wait_phase("CARRY", 60.0)
     time.sleep(0.25)
+    log = FaultLog(graph.log_path)
     before, start = probe.positions(JOINTS), time.monotonic()
     probe.set_sim_parameter("gripper_drops", True)
-    _rests(probe, "gripper drops", start, before)
+    _rests(probe, "gripper drops", start, before, log, span=0.06)  # it is to go home then
     _wait_words(graph, "the object was lost during", 20.0)
 
 
+AT_REST = ("GRASP_PLANNING", "CLOSE", "OPEN")  # phases in which the arm does not move
 PHASES = ("GRASP_PLANNING", "GO_ABOVE_PICK", "DESCEND", "CLOSE", "RAISE", "CARRY", "LOWER", "OPEN", "RETREAT")
 
 
@@ -152,12 +163,15 @@ PHASES = ("GRASP_PLANNING", "GO_ABOVE_PICK", "DESCEND", "CLOSE", "RAISE", "CARRY
 def test_a_stop_in_each_phase_holds_the_arm_until_it_is_asked_again(
     ready: tuple[GraphProcess, GraphProbe, str], phase: str
 ) -> None:
-    _, probe, sentence = ready
+    graph, probe, sentence = ready
     probe.instruct(sentence)
     probe.wait_phase(phase, 60.0)
+    if phase not in AT_REST:
+        probe.wait_moving(5.0)
+    log = FaultLog(graph.log_path)
     before, start = probe.positions(JOINTS), time.monotonic()
     probe.trigger("/panda_executor/stop")
-    still = _rests(probe, f"stop in {phase}", start, before)
+    still = _rests(probe, f"stop in {phase}", start, before, log)
     probe.trigger("/panda_executor/resume")
     time.sleep(1.0)
     assert probe.fastest(still + 0.05) < STILL, "the stopped goal went on"
@@ -166,25 +180,29 @@ def test_a_stop_in_each_phase_holds_the_arm_until_it_is_asked_again(
 def test_a_simulator_that_is_killed_ends_the_goal(moving: tuple[GraphProcess, GraphProbe]) -> None:
     """Its arm goes with it: what is measured is when the executor knows."""
     graph, _ = moving
-    start = time.monotonic()
+    log, start = FaultLog(graph.log_path), time.monotonic()
     os.kill(graph.pid_of("sim"), signal.SIGKILL)
-    _wait_words(graph, "EXECUTION_FAILED after", 20.0)
-    _note("simulator killed: the executor's goal ends", time.monotonic() - start, 0.0)
+    ended = _wait_words(graph, "EXECUTION_FAILED after", 20.0)
+    _note("simulator killed: the executor's goal ends", ended - start, 0.0, log.said())
 
 
-def _wait_words(graph: GraphProcess, words: str, timeout: float) -> None:
+def _wait_words(graph: GraphProcess, words: str, timeout: float) -> float:
+    """Return when the graph had said some words, wall time."""
     deadline = time.monotonic() + timeout
     while words not in graph.log_text():
         assert time.monotonic() < deadline, f"not said within {timeout} s: {words}\n{graph.log_tail(30)}"
         time.sleep(0.02)
+    return time.monotonic()
 
 
-def _rests(probe: GraphProbe, fault: str, start: float, before: NDArray[np.float64]) -> float:
+def _rests(
+    probe: GraphProbe, fault: str, start: float, before: NDArray[np.float64], log: FaultLog, span: float = 0.3
+) -> float:
     """Note how long after `start` and how far from `before` the arm comes to rest; return when, wall time."""
-    still = probe.wait_still(start, 5.0)
+    still = probe.wait_still(start, 5.0, span)
     model = PandaModel()
     metres = float(np.linalg.norm(model.tcp_arrays(probe.positions(JOINTS))[1] - model.tcp_arrays(before)[1]))
-    _note(fault, still - start, metres)
+    _note(fault, still - start, metres, log.said())
     assert still - start < GUARD
     return still
 
@@ -208,9 +226,10 @@ def test_the_arm_comes_to_rest_when_its_page_is_gone(tmp_path: Path, fault: str,
         person.begin()
         probe.wait_moving(40.0)
         time.sleep(0.25)
+        log = FaultLog(place.root / "graph.log")
         before, start = probe.positions(JOINTS), time.monotonic()
         os.kill(place.app.pid, number)
-        still = _rests(probe, fault, start, before)
+        still = _rests(probe, fault, start, before, log)
         time.sleep(0.5)
         assert probe.fastest(still + 0.05) < STILL, "the arm went on"
         os.kill(place.app.pid, signal.SIGKILL)
@@ -267,11 +286,9 @@ def test_random_goals_move_nothing_or_end_in_one_line(tmp_path: Path) -> None:
         assert graph.healthy
 
 
-def _note(fault: str, seconds: float, metres: float, words: str = "") -> None:
+def _note(fault: str, seconds: float, metres: float, words: str) -> None:
     OUT.parent.mkdir(exist_ok=True)
     found = json.loads(OUT.read_text()) if OUT.is_file() else {}
-    found[fault] = {"standstill_s": round(seconds, 3), "way_m": round(metres, 4)}
-    if words:
-        found[fault]["words"] = words
+    found[fault] = {"standstill_s": round(seconds, 3), "way_m": round(metres, 4), "words": words}
     OUT.write_text(json.dumps(found, indent=1) + "\n")
-    print(f"{fault}: at rest after {seconds:.3f} s, {1000 * metres:.0f} mm")
+    print(f"{fault}: at rest after {seconds:.3f} s, {1000 * metres:.0f} mm: {words}")

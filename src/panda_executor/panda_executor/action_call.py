@@ -12,9 +12,11 @@ from action_msgs.msg import GoalStatus
 from action_msgs.srv import CancelGoal
 from rclpy.action import ActionClient
 from rclpy.callback_groups import CallbackGroup
+from rclpy.clock import ROSClock
 from rclpy.node import Node
 
 from panda_executor.action_goal import OwnedGoal
+from panda_executor.clock_watch import ClockWatch
 from panda_executor.ports import MotionStatus, ShouldStop
 from panda_executor.work_pulse import WorkPulse
 
@@ -75,6 +77,7 @@ class ActionCaller:
             on_accepted: called once the server has taken the goal.
 
         Raises:
+            PortError: when the clock jumped on the way, once the goal is cancelled.
             Exception: what should_stop raises, once the goal is cancelled.
         """
         if not self._client.wait_for_server(timeout_sec=1.0):
@@ -115,22 +118,26 @@ class ActionCaller:
         return None
 
     def _watch(self, mine: OwnedGoal, timeout: float, should_stop: ShouldStop) -> ActionEnd | None:
-        """Wait for the result: None once it is there, otherwise the reason to cancel the goal."""
-        deadline = self._now() + timeout
-        last, moved_at = self._now(), time.monotonic()
-        server_seen_at = looked_at = time.monotonic()
+        """Wait for the result: None once it is there, otherwise the reason to cancel the goal.
+
+        Raises:
+            PortError: when the clock jumped.
+        """
+        began, server_seen_at = self._now(), time.monotonic()
+        deadline, looked_at = began + timeout, server_seen_at
+        source = self._node.get_clock()
+        simulated = isinstance(source, ROSClock) and bool(source.ros_time_is_active)
+        clock = ClockWatch(began, server_seen_at, simulated)
         while not mine.ended.wait(_POLL):
             self._pulse.beat()
             if should_stop():
                 return ActionEnd(MotionStatus.CANCELLED, message="stopped on request")
             now, wall = self._now(), time.monotonic()
-            if now < last:  # the clock was set back: what is left of the time begins anew
+            if clock.look(now, wall) < 0.0:  # the clock was corrected: what is left of the time begins anew
                 deadline = now + timeout
-            if now != last:
-                last, moved_at = now, wall
             if now > deadline:
                 return ActionEnd(MotionStatus.TIMED_OUT, message=f"{self._name} took more than {timeout:.1f} s")
-            if wall - moved_at > _STANDSTILL:
+            if clock.stood_for(wall) > _STANDSTILL:
                 return ActionEnd(MotionStatus.TIMED_OUT, message="the clock stands still")
             if wall - looked_at > _CHECK_SERVER:
                 looked_at = wall

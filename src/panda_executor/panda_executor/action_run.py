@@ -168,7 +168,7 @@ class ActionRun:
             escape = replace(plan.raise_up, phase=Phase.RETREAT, scene=plan.descend.scene)
             self._give_up(plan.grasp.opening, escape, "the fingers closed on nothing")
         commands.move(plan.raise_up)
-        if commands.is_empty():
+        if commands.has_lost():
             self._give_up(self._config.hand.opening, None, "the object slipped out while it was raised")
         self._carry(plan.carry)
         self._look_at_place(plan)

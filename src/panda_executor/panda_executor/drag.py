@@ -22,7 +22,7 @@ from panda_executor.ports import ShouldStop
 from panda_executor.transfer import TransferPlanner
 from panda_model.limits import FloatArray
 
-_MAX_BRANCHES = 4  # of the inverse kinematics that are tried for one pose
+_MAX_BRANCHES = 4  # of the inverse kinematics that are free and tried for one pose
 _MIN_SWEEP = 1e-6  # a shorter way has no direction [m]
 
 
@@ -84,7 +84,8 @@ def plan_drag(
         except InverseKinematicsError as error:
             reason = str(error)
             continue
-        for branch in branches[:_MAX_BRANCHES]:
+        free = (branch for branch in branches if drag.may_begin(branch.positions))
+        for branch in itertools.islice(free, _MAX_BRANCHES):
             budget.check(reason)
             try:
                 return drag.plan(branch.positions, flip)
@@ -143,6 +144,10 @@ class _Drag:
         flip: 0 or pi, the jaws are the same turned around; lean: see config [rad].
         """
         return self._above(self._action.pick, self._action.pick.yaw + flip, lean)
+
+    def may_begin(self, above: FloatArray) -> bool:
+        """Return whether the arm may travel to configuration `above` (7,) [rad]."""
+        return self._travelling.is_valid(above)
 
     def plan(self, above: FloatArray, flip: float) -> DragPlan:
         """Plan every motion of an arm that comes from configuration `above` (7,) [rad].

@@ -44,6 +44,14 @@ class HandContent:
             return width >= self._missed_width
         return self._held_at is not None and abs(width - self._held_at) < _SAME_WIDTH
 
+    def has_lost(self, width: float) -> bool:
+        """Return True if the fingers, now `width` [m] apart, do not hold any more what they closed on.
+
+        They closed, or they opened: what is held may give way, but it does not grow.
+        """
+        opened = self._held_at is not None and width > self._held_at + _SAME_WIDTH
+        return opened or width < self._missed_width
+
     def load(self, width: float) -> HandShape | None:
         """Return the hand's shape with what it holds, now `width` [m] apart; None where that is nothing, or unknown."""
         return self._load if self.holds(width) else None

@@ -104,6 +104,8 @@ class JointTracker:
         while first > 0 and newest - track[first - 1][0] <= _STILL_SPAN_NS:
             first -= 1
         span = (newest - track[first][0]) * 1e-9
+        if span > self._max_age:  # between these two the clock jumped ahead, or the states were lost
+            return False
         way = np.ptp(np.array([positions for _, positions in track[first:]]), axis=0)
         return bool((way <= _STILL_SPEED * span).all())
 

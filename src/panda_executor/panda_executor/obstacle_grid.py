@@ -11,6 +11,7 @@ from cliport_core.workspace import WorkspaceSpec
 from panda_executor.reach_map import POOLED_CELLS, ReachMap, pooled, with_common_shadows
 from panda_model.limits import FloatArray
 
+_FINE_STEP = 0.003  # between two sizes of sphere of a fine reach map [m]
 BORDER = 0.1  # the grid reaches this far beyond the workspace: the hand is wider than its tcp [m]
 EMPTY = -1.0  # height of a column in which nothing was seen [m]
 _MIN_POINTS = 2  # a single point in a cell is a flying pixel at an edge, not an object
@@ -32,7 +33,7 @@ class ObstacleGrid:
     seen: npt.NDArray[np.bool_] | None = None
     cameras: tuple[FloatArray, ...] = ()
     highest: float = field(init=False)  # of the columns [m]
-    _reach: list[ReachMap] = field(default_factory=list, init=False, repr=False)
+    _reach: dict[bool, ReachMap] = field(default_factory=dict, init=False, repr=False)  # fine and coarse
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "highest", float(self.heights.max()))
@@ -112,15 +113,18 @@ class ObstacleGrid:
             heights[(square > 0.0) & (heights > underside)] = EMPTY
         return replace(self, heights=heights)
 
-    def reach(self, radii: FloatArray, floor: float, shadows: bool) -> ReachMap:
-        """Return how low spheres of `radii` (N,) [m] may come; made once a grid.
+    def reach(self, radii: FloatArray, floor: float, shadows: bool, finely: bool = False) -> ReachMap:
+        """Return how low spheres of `radii` (N,) [m] may come; made once a grid, and once more finely.
 
-        shadows: whether what no camera could see behind a column counts as filled up to the lowest line of sight.
+        shadows: whether what no camera could see behind a column counts as filled up to the lowest line of sight;
+        finely: to the grid's own cells, for small spheres.
         """
-        if not self._reach:
-            heights, cell = pooled(self.heights), self.cell * POOLED_CELLS
+        if finely not in self._reach:
+            pool = 1 if finely else POOLED_CELLS
+            heights, cell = pooled(self.heights, pool), self.cell * pool
             if shadows and self.cameras and self.seen is not None:
-                seen = pooled(self.seen)
+                seen = pooled(self.seen, pool)
                 heights = with_common_shadows(heights, seen, self.x_min, self.y_min, cell, self.cameras, floor)
-            self._reach.append(ReachMap.over(heights, self.x_min, self.y_min, cell, radii, floor))
-        return self._reach[0]
+            step = (_FINE_STEP,) if finely else ()
+            self._reach[finely] = ReachMap.over(heights, self.x_min, self.y_min, cell, radii, floor, *step)
+        return self._reach[finely]

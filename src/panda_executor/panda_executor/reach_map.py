@@ -14,10 +14,10 @@ from panda_model.limits import FloatArray
 Number = TypeVar("Number", bound=np.generic)
 BoolArray = npt.NDArray[np.bool_]
 
-_POOL = 2  # cells of the grid along the edge of one of the map
+_POOL = 2  # cells of the grid along the edge of one of a coarse map
 _CLASS_STEP = 0.008  # between two sizes of sphere [m]
 _FREE = -10.0  # height of what no sphere touches [m]
-_SHADOW_CELLS = 60  # along a shadow, at most
+_SHADOW_LENGTH = 0.6  # at most [m]
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,10 +36,20 @@ class ReachMap:
 
     @classmethod
     def over(
-        cls, heights: FloatArray, x_min: float, y_min: float, cell: float, radii: FloatArray, floor: float
+        cls,
+        heights: FloatArray,
+        x_min: float,
+        y_min: float,
+        cell: float,
+        radii: FloatArray,
+        floor: float,
+        class_step: float = _CLASS_STEP,
     ) -> ReachMap:
-        """Make the map for spheres of `radii` (N,) [m] over columns (rows, cols) [m]; those up to `floor` are free."""
-        sizes = np.arange(float(radii.min()), float(radii.max()) + _CLASS_STEP, _CLASS_STEP)
+        """Make the map for spheres of `radii` (N,) [m] over columns (rows, cols) [m]; those up to `floor` are free.
+
+        class_step: between two sizes of sphere [m].
+        """
+        sizes = np.arange(float(radii.min()), float(radii.max()) + class_step, class_step)
         occupied = heights > floor
         highest = float(heights[occupied].max()) if occupied.any() else _FREE
         columns = np.where(occupied, heights, _FREE)
@@ -67,11 +77,11 @@ class ReachMap:
         return found
 
 
-def pooled(values: npt.NDArray[Number]) -> npt.NDArray[Number]:
-    """Return the largest value of each `_POOL` x `_POOL` cells of (rows, cols); a remainder is filled by its edge."""
+def pooled(values: npt.NDArray[Number], pool: int = _POOL) -> npt.NDArray[Number]:
+    """Return the largest value of each `pool` x `pool` cells of (rows, cols); a remainder is filled by its edge."""
     rows, cols = values.shape
-    padded = np.pad(values, ((0, -rows % _POOL), (0, -cols % _POOL)), mode="edge")
-    blocks = padded.reshape(padded.shape[0] // _POOL, _POOL, padded.shape[1] // _POOL, _POOL)
+    padded = np.pad(values, ((0, -rows % pool), (0, -cols % pool)), mode="edge")
+    blocks = padded.reshape(padded.shape[0] // pool, pool, padded.shape[1] // pool, pool)
     return np.asarray(blocks.max(axis=(1, 3)))
 
 
@@ -95,7 +105,7 @@ def with_shadows(
     step = away / distance[:, None] * cell
     drop = cell * (camera[2] - top) / distance
     filled = heights.copy()
-    for k in range(1, _SHADOW_CELLS):
+    for k in range(1, round(_SHADOW_LENGTH / cell)):
         line = top - k * drop
         i = np.floor((y + k * step[:, 1] - y_min) / cell).astype(np.int64)
         j = np.floor((x + k * step[:, 0] - x_min) / cell).astype(np.int64)

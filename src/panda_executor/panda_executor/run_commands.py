@@ -40,7 +40,7 @@ class EarlyEnd(Exception):
 
 
 class LoadLost(Exception):
-    """The fingers closed on nothing while they carried something."""
+    """The fingers closed or opened while they carried something."""
 
 
 class RunCommands:
@@ -91,6 +91,10 @@ class RunCommands:
         """Return True if the fingers hold nothing."""
         return self._gripper.width() < self.config.missed_width
 
+    def has_lost(self) -> bool:
+        """Return True if the fingers do not hold any more what they closed on."""
+        return self._hand.has_lost(self._gripper.width())
+
     def offer(self, motions: Sequence[Motion]) -> bool:
         """Show a plan and wait until it may be executed; return True if the scene may have changed meanwhile.
 
@@ -130,12 +134,12 @@ class RunCommands:
         """Begin a motion where the arm is measured now, validate it, send it, and wait for its end.
 
         Args:
-            watch_load: stop as soon as the fingers hold nothing.
+            watch_load: stop as soon as the fingers do not hold any more what they closed on.
             may_end_off: objects may push the arm off the motion's goal, by the start tolerance at most.
 
         Raises:
             EarlyEnd: when a stop was asked for, the motion is not valid any more, or the arm did not do it.
-            LoadLost: when watch_load and the fingers hold nothing.
+            LoadLost: when watch_load and they do not.
         """
         self.enter(motion.phase)
         trajectory = self._validated(motion)
@@ -144,7 +148,7 @@ class RunCommands:
 
         def stop() -> bool:
             nonlocal lost
-            lost = lost or (watch_load and self.is_empty())
+            lost = lost or (watch_load and self.has_lost())
             return lost or self.should_stop()
 
         self.moved = True
@@ -156,7 +160,7 @@ class RunCommands:
             raise EarlyEnd(outcome, f"the arm was not seen to stand still after {phase}{why}; look before you go on")
         if self.should_stop():
             raise EarlyEnd(Outcome.CANCELLED, f"cancelled during {phase}; the arm holds")
-        if lost or (watch_load and self.is_empty()):
+        if lost or (watch_load and self.has_lost()):
             raise LoadLost(f"the object was lost during {phase}")
         if result.status is MotionStatus.OFF_GOAL and may_end_off and self._is_near(motion.trajectory.end):
             return

@@ -6,7 +6,9 @@ from dataclasses import dataclass, field, replace
 from enum import Enum
 
 import numpy as np
+import numpy.typing as npt
 
+from panda_executor.arm_cover import ArmCover, IntArray
 from panda_executor.hand_geometry import HandShape
 from panda_executor.model import PandaModel
 from panda_executor.obstacle_grid import ObstacleGrid
@@ -171,16 +173,29 @@ class Scene:
     def _touching(self, centres: FloatArray) -> tuple[FloatArray, FloatArray] | None:
         """Return the links' spheres that touch a column, or None where none does.
 
-        centres: of all spheres that reach over the table (M, 3) [m]. Returned are those (N, 3) [m] of the ones that
+        centres: of all spheres that reach over the table (M, 3) [m]. Those of them that touch are looked at in parts,
+        in smaller spheres that stand out less over the links: returned are the centres (N, 3) [m] of the ones that
         touch, and their radii (N,) with the clearance [m].
         """
-        radii = self.model.reaching.radii + self.config.arm_clearance
-        if self.grid.is_below(float((centres[:, 2] - radii).min(initial=np.inf))):
-            return None
+        cover, which = self.model.reaching, np.arange(len(centres))
+        hit = self._hit(cover, centres, which)
+        parts = cover.parts
+        if parts is not None and hit.any():
+            which = np.flatnonzero(hit[parts.part_of])
+            cover, centres = parts, parts.placed(self.model.data, which)
+            hit = self._hit(cover, centres, which, finely=True)
+        return (centres[hit], cover.radii[which[hit]] + self.config.arm_clearance) if hit.any() else None
+
+    def _hit(
+        self, cover: ArmCover, centres: FloatArray, which: IntArray, finely: bool = False
+    ) -> npt.NDArray[np.bool_]:
+        """Return a mask of `which` of a cover's spheres, their centres (N, 3) [m, base frame], that touch a column."""
+        radii = cover.radii + self.config.arm_clearance
+        if self.grid.is_below(float((centres[:, 2] - radii[which]).min(initial=np.inf))):
+            return np.zeros(len(centres), dtype=bool)
         floor = self.table_z + self.config.floor
-        reach = self.grid.reach(radii, floor, self.config.unseen is UnseenRule.SHADOW)
-        hit = reach.hits(centres, radii)
-        return (centres[hit], radii[hit]) if hit.any() else None
+        reach = self.grid.reach(radii, floor, self.config.unseen is UnseenRule.SHADOW, finely)
+        return reach.hits(centres, radii[which])
 
     def _load_hits(self, rotation: FloatArray, translation: FloatArray, links: FloatArray) -> str | None:
         """Return what the held object touches of arm and camera, for the kinematics just computed, or None.

@@ -91,6 +91,8 @@ class PlayedRun:
     def is_empty(self) -> bool:
         return self.empties.pop(0) if self.empties else False
 
+    has_lost = is_empty
+
     def offer(self, motions: Any) -> bool:
         self.say(f"offer {len(motions)}")
         return self.waits

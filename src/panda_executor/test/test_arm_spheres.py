@@ -18,6 +18,7 @@ from panda_model import FloatArray, load_preset
 
 READY = load_preset().ready
 STEP, CUBE = 0.008, 0.05  # between two points of a hull, and the edge of a sphere's cube [m]
+FINE_CUBE = 0.02  # and of that of each of its parts [m]
 
 
 def rows(points: FloatArray) -> set[tuple[float, ...]]:
@@ -40,25 +41,28 @@ def test_a_hull_is_sampled_on_every_face_by_its_longest_edge(order: tuple[int, .
     assert len(ConvexHull(vertices).simplices) == 4
 
 
-def test_there_is_one_sphere_for_each_cube_with_points() -> None:
+@pytest.mark.parametrize("edge", [CUBE, FINE_CUBE])
+def test_there_is_one_sphere_for_each_cube_with_points(edge: float) -> None:
     rng = np.random.default_rng(0)
     points = rng.uniform((0.3, -0.2, 0.0), (0.42, -0.12, 0.2), (300, 3))
     lowest, cubes = points.min(axis=0), dict[tuple[int, ...], list[FloatArray]]()
     for point in points:
-        cubes.setdefault(tuple(math.floor(v) for v in (point - lowest) / CUBE), []).append(point)
-    found = _spheres(points)
-    assert len(found) == len(cubes) == 3 * 2 * 4
+        cubes.setdefault(tuple(math.floor(v) for v in (point - lowest) / edge), []).append(point)
+    found = _spheres(points, edge, joint=4, part_of=7)
+    assert len(found) == len(cubes) and (edge != CUBE or len(cubes) == 3 * 2 * 4)
+    assert {(sphere.joint, sphere.part_of) for sphere in found} == {(4, 7)}
+    assert sum(len(sphere.points) for sphere in found) == len(points)
     expected = []
     for mine in cubes.values():
         middle = (np.min(mine, axis=0) + np.max(mine, axis=0)) / 2.0
         radius = max(math.dist(point, middle) for point in mine) + STEP / 2.0
         expected.append([*middle, radius])
-    assert rows(np.array([[*centre, radius] for centre, radius in found])) == rows(np.array(expected))
+    assert rows(np.array([[*sphere.centre, sphere.radius] for sphere in found])) == rows(np.array(expected))
 
 
 def test_one_point_is_a_sphere_of_half_a_step() -> None:
-    ((centre, radius),) = _spheres(np.array([[0.1, 0.2, 0.3]]))
-    assert centre.tolist() == [0.1, 0.2, 0.3] and radius == pytest.approx(STEP / 2.0)
+    (sphere,) = _spheres(np.array([[0.1, 0.2, 0.3]]), CUBE)
+    assert sphere.centre.tolist() == [0.1, 0.2, 0.3] and sphere.radius == pytest.approx(STEP / 2.0)
 
 
 def test_spheres_move_with_the_joint_that_carries_them(model: PandaModel) -> None:
@@ -103,3 +107,30 @@ def test_the_arms_spheres_are_of_its_links_and_not_larger_than_their_cubes_need(
     np.testing.assert_array_equal(radii, [*model.standing.radii, *model.reaching.radii])
     expected = [*model.standing.placed(model.data), *model.reaching.placed(model.data)]
     np.testing.assert_array_equal(centres, expected)
+
+
+def test_parts_hold_the_points_that_their_spheres_hold_and_stand_out_less(model: PandaModel) -> None:
+    """Every sampled point of a hull lies in a sphere and in a part of that very sphere."""
+    for cover, names in ((model.standing, range(3)), (model.reaching, range(3, 8))):
+        parts = cover.parts
+        assert parts is not None and parts.parts is None
+        assert set(parts.part_of.tolist()) == set(range(len(cover.radii)))
+        np.testing.assert_array_equal(parts.joints, cover.joints[parts.part_of])
+        assert parts.radii.max() <= FINE_CUBE * math.sqrt(3.0) / 2.0 + STEP / 2.0 + 1e-9
+        for item in model.geometry.geometryObjects:
+            if not any(item.name.startswith(model.link(f"link{number}_")) for number in names):
+                continue
+            points = _hull_surface(np.asarray(item.geometry.points()))[::40]
+            points = points @ item.placement.rotation.T + item.placement.translation
+            near = [
+                np.linalg.norm(points[:, None] - it.centres, axis=2) <= it.radii - STEP / 2.0 + 1e-9
+                for it in (cover, parts)
+            ]
+            near = [inside & (it.joints == item.parentJoint) for inside, it in zip(near, (cover, parts), strict=True)]
+            assert (near[1] & near[0][:, parts.part_of]).any(axis=1).all()
+
+
+def test_some_of_a_covers_spheres_can_be_placed_alone(model: PandaModel) -> None:
+    pin.forwardKinematics(model.model, model.data, READY)
+    which = np.array([3, 17, 40])
+    np.testing.assert_array_equal(model.reaching.placed(model.data, which), model.reaching.placed(model.data)[which])

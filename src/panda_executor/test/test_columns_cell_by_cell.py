@@ -207,7 +207,7 @@ def shadowed(heights: FloatArray, seen: np.ndarray, cell: float, camera: FloatAr
             continue
         x, y = 0.2 + (col + 0.5) * cell, -0.3 + (row + 0.5) * cell
         distance = max(math.hypot(x - camera[0], y - camera[1]), cell)
-        for k in range(1, 60):
+        for k in range(1, round(0.6 / cell)):
             line = top - k * cell * (camera[2] - top) / distance
             i = math.floor((y + k * cell * (y - camera[1]) / distance + 0.3) / cell)
             j = math.floor((x + k * cell * (x - camera[0]) / distance - 0.2) / cell)
@@ -227,28 +227,34 @@ def test_shadows_are_those_of_a_loop_along_every_ray(camera: tuple[float, float,
     assert (filled > heights).sum() > 10
 
 
-def test_a_shadow_ends_after_59_cells() -> None:
-    heights, seen = np.full((3, 80), -1.0), np.zeros((3, 80), dtype=bool)
-    heights[1, 75] = 0.6
-    filled = with_shadows(heights, seen, 0.0, 0.0, 0.01, np.array([30.0, 0.015, 0.7]), 0.05)
-    assert np.flatnonzero(filled[1, :75] > 0.0).tolist() == list(range(75 - 59, 75))
+@pytest.mark.parametrize("cell", [0.01, 0.005])
+def test_a_shadow_ends_after_60_centimetres(cell: float) -> None:
+    heights, seen = np.full((3, 160), -1.0), np.zeros((3, 160), dtype=bool)
+    heights[1, 155] = 0.6
+    filled = with_shadows(heights, seen, 0.0, 0.0, cell, np.array([30.0, 0.015, 0.7]), 0.05)
+    count = round(0.6 / cell) - 1
+    assert np.flatnonzero(filled[1, :155] > 0.0).tolist() == list(range(155 - count, 155))
 
 
 @pytest.mark.parametrize("shadows", [False, True])
-def test_the_reach_over_a_grid_is_that_over_its_pooled_cells_with_shadows_where_asked(shadows: bool) -> None:
+@pytest.mark.parametrize("pool", [1, 2])
+def test_the_reach_over_a_grid_is_that_over_its_pooled_cells_with_shadows_where_asked(shadows: bool, pool: int) -> None:
     rng = np.random.default_rng(10)
     heights = np.where(rng.random((21, 33)) < 0.02, rng.uniform(0.0, 0.3, (21, 33)), -1.0)
     seen, camera, radii = rng.random((21, 33)) < 0.2, np.array([0.9, 0.2, 0.6]), np.array([0.03, 0.07])
     grid = ObstacleGrid(heights, 0.2, -0.3, CELL, seen, (camera,))
-    coarse = np.array([[heights[i : i + 2, j : j + 2].max() for j in range(0, 33, 2)] for i in range(0, 21, 2)])
-    looked_at = np.array([[seen[i : i + 2, j : j + 2].any() for j in range(0, 33, 2)] for i in range(0, 21, 2)])
-    filled = shadowed(coarse, looked_at, 2 * CELL, camera, 0.05) if shadows else coarse
+    corners = [[(i, j) for j in range(0, 33, pool)] for i in range(0, 21, pool)]
+    coarse = np.array([[heights[i : i + pool, j : j + pool].max() for i, j in row] for row in corners])
+    looked_at = np.array([[seen[i : i + pool, j : j + pool].any() for i, j in row] for row in corners])
+    filled = shadowed(coarse, looked_at, pool * CELL, camera, 0.05) if shadows else coarse
     assert (filled > coarse).any() is np.bool_(shadows)
-    reach = grid.reach(radii, 0.05, shadows)
+    reach = grid.reach(radii, 0.05, shadows, finely=pool == 1)
     for size, tops in zip(reach.sizes, reach.tops, strict=True):
-        np.testing.assert_allclose(tops.clip(-1.0), raised(filled, 2 * CELL, float(size), 0.05), atol=1e-12)
-    assert (reach.x_min, reach.y_min, reach.cell) == (0.2, -0.3, 2 * CELL)
-    assert grid.reach(radii, 0.05, shadows) is reach, "it is made once"
+        np.testing.assert_allclose(tops.clip(-1.0), raised(filled, pool * CELL, float(size), 0.05), atol=1e-12)
+    assert (reach.x_min, reach.y_min, reach.cell) == (0.2, -0.3, pool * CELL)
+    assert np.diff(reach.sizes) == pytest.approx({1: 0.003, 2: 0.008}[pool])
+    assert grid.reach(radii, 0.05, shadows, finely=pool == 1) is reach, "it is made once"
+    assert grid.reach(radii, 0.05, shadows, finely=pool != 1) is not reach
 
 
 @pytest.mark.parametrize("unknown", ["seen", "camera"])

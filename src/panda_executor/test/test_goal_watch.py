@@ -11,6 +11,7 @@ from action_msgs.msg import GoalStatus
 
 from panda_executor import action_call
 from panda_executor.action_call import ActionCaller, ActionEnd, cancel_service
+from panda_executor.errors import PortError
 from panda_executor.ports import MotionStatus
 
 POLL = 1.0 / 64.0  # each sleep and each wait takes so long [s]; floats hold it exactly
@@ -90,6 +91,16 @@ class Bench:
     def pass_time(self) -> None:
         self.wall += POLL
         self.ros += POLL * self.rate
+
+    def stepping(self, at: float, step: float) -> Callable[[], bool]:
+        """Return a look for a stop, which never comes, that sets ROS time by `step` once `at` has passed [s]."""
+
+        def look() -> bool:
+            if self.sent_at is not None and self.passed == at:
+                self.ros += step
+            return False
+
+        return look
 
     def cancel(self) -> None:
         """The goal's cancel."""
@@ -208,17 +219,20 @@ def test_the_time_is_that_of_ros(bench: Bench) -> None:
     assert bench.passed == 4.0 + POLL
 
 
-def test_a_clock_that_is_set_back_gives_the_time_anew(bench: Bench) -> None:
-    looks: list[float] = []
-
-    def look() -> bool:
-        looks.append(bench.wall)
-        if bench.sent_at is not None and bench.passed == 1.5:
-            bench.ros -= 50.0
-        return False
-
-    assert bench.call(timeout=2.0, should_stop=look).status is MotionStatus.TIMED_OUT
+def test_a_clock_that_is_corrected_gives_the_time_anew(bench: Bench) -> None:
+    end = bench.call(timeout=2.0, should_stop=bench.stepping(1.5, -0.125))
+    assert end.status is MotionStatus.TIMED_OUT
     assert bench.passed == 1.5 + 2.0 + POLL
+
+
+@pytest.mark.parametrize(
+    ("step", "words"), [(-10.0, "jumped 10.0 s back"), (-0.5, "jumped 0.5 s back"), (10.0, "jumped 10.0 s ahead")]
+)
+def test_a_motion_ends_when_the_clock_jumps(bench: Bench, step: float, words: str) -> None:
+    with pytest.raises(PortError, match=words):
+        bench.call(timeout=20.0, should_stop=bench.stepping(1.5, step))
+    assert bench.passed == 1.5
+    assert bench.log[-2:] == ["cancel one", "end"]
 
 
 def test_a_clock_that_stands_still_is_noticed_after_five_seconds(bench: Bench) -> None:

@@ -92,3 +92,17 @@ def test_a_full_hand_is_refused_with_its_width_and_how_to_empty_it(hand: HandCon
     hand.check_empty(0.05)
     hand.note(0.08, 0.08)
     hand.check_empty(0.0416)
+
+
+@pytest.mark.parametrize(
+    ("width", "lost"), [(0.0049, True), (0.005, False), (0.02, False), (0.0429, False), (0.0431, True), (0.08, True)]
+)
+def test_what_is_held_is_lost_when_the_fingers_close_or_open_and_not_when_it_gives_way(
+    hand: HandContent, width: float, lost: bool
+) -> None:
+    hand.note(0.0, 0.04)
+    assert hand.has_lost(width) is lost
+
+
+def test_of_what_was_never_held_it_is_only_known_when_there_is_nothing(hand: HandContent) -> None:
+    assert not hand.has_lost(0.08) and hand.has_lost(0.0049)

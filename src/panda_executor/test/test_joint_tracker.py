@@ -78,3 +78,13 @@ def test_a_clock_that_is_set_back_begins_anew() -> None:
     for step in (*range(100, 110), *range(10)):
         joints.update(ARM, np.zeros(7), step * S // 50)
     assert joints.is_still(9 * S // 50)
+
+
+@pytest.mark.parametrize("jump", [10 * S, -10 * S])
+def test_an_arm_that_moves_is_not_at_rest_when_the_clock_jumps(jump: int) -> None:
+    """Its way from before the jump to after it is short for so long a time."""
+    joints = JointTracker(ARM, FINGERS)
+    for step in range(20):
+        stamp = 20 * S + step * STEP + (jump if step >= 10 else 0)
+        joints.update(ARM, np.full(7, 0.01 * step), stamp)
+        assert not joints.is_still(stamp), step

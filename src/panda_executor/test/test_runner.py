@@ -361,12 +361,16 @@ def test_grasp_missed_says_when_the_way_out_fails(bench: Bench, monkeypatch: pyt
 
 @pytest.mark.parametrize("phase", [Phase.CARRY, Phase.LOWER])
 @pytest.mark.parametrize("share_lost", [0.4, 1.0])
-def test_dropped(bench: Bench, phase: Phase, share_lost: float) -> None:
+@pytest.mark.parametrize("opens", [False, True])
+def test_dropped(bench: Bench, phase: Phase, share_lost: float, opens: bool) -> None:
+    """The fingers close because it slips out, or somebody opens them."""
     number = MOTIONS.index(phase)
 
     def slip(motion: int, share: float) -> None:
         if motion == number and share >= share_lost and bench.gripper.opening == 0.04:
             bench.gripper.lose_object()
+            if opens:
+                bench.gripper.opening = 0.08
 
     bench.arm.on_step = slip
     result = bench.run()

@@ -30,13 +30,15 @@ class Cover:
     centres: FloatArray = field(default_factory=lambda: NO_SPHERES)
     radii: FloatArray = field(default_factory=lambda: np.zeros(0))
     joints: Any = None
+    parts: Any = None
+    part_of: Any = None
 
     def __post_init__(self) -> None:
         if self.joints is None:
             self.joints = np.full(len(self.radii), 3)
 
-    def placed(self, data: object) -> FloatArray:
-        return self.centres
+    def placed(self, data: object, which: Any = slice(None)) -> FloatArray:
+        return self.centres[which]
 
 
 class Arm:
@@ -187,6 +189,24 @@ def test_a_link_keeps_its_clearance_over_a_column(over: bool) -> None:
     if touching is not None:
         np.testing.assert_allclose(touching[0], [[0.34, -0.16, z]])
         np.testing.assert_allclose(touching[1], [0.065])
+
+
+@pytest.mark.parametrize("touches", [0, 1, 2])
+def test_a_sphere_that_touches_is_looked_at_in_its_parts_and_no_other(touches: int) -> None:
+    """One of two large spheres touches: what counts is whether those of the small ones do that are parts of it."""
+    arm, under = Arm(), 0.2 + 0.02 + 0.015
+    at = np.array([[0.34, -0.16, 0.22], [0.36, -0.14, 0.5], [0.34, -0.16, 0.22], [0.35, -0.15, 0.22]])
+    at[2:, 2] = under + NEAR
+    at[2 : 2 + touches, 2] = under - NEAR
+    low = [0.36, -0.14, 0.1]  # touches, but is part of what does not
+    parts = Cover(np.array([low, *at[2:].tolist()]), np.array([0.03, 0.02, 0.02]), part_of=np.array([1, 0, 0]))
+    arm.reaching = Cover(at[:2], np.array([0.05, 0.05]), parts=parts)
+    scene = scene_of(arm, block())
+    found = scene._touching(arm.reaching.centres)
+    assert (found is None) is (touches == 0) is (judged(scene) is None)
+    if found is not None:
+        np.testing.assert_array_equal(found[0], at[2 : 2 + touches])
+        np.testing.assert_allclose(found[1], 0.035)
 
 
 @pytest.mark.parametrize(("height", "free"), [(TABLE + 0.02, True), (TABLE + 0.02 + NEAR, False)])
