@@ -1,4 +1,4 @@
-"""Where a camera can see the workspace: in which part of its image, and between which depths of each pixel."""
+"""The view of the workspace from a camera: in which part of its image, and between which depths of each pixel."""
 
 from __future__ import annotations
 
