@@ -75,7 +75,9 @@ class CloudBuilder:
         if color.shape != (*self._size, 3):
             raise ImageError(f"colour image is {color.shape}, the camera model says {(*self._size, 3)}")
         planes, inside = self._planes(depth_m)
-        bgra = cv2.cvtColor(np.ascontiguousarray(color), cv2.COLOR_RGB2BGRA).view("<i4")[..., 0] & 0x00FFFFFF
+        four = self._scratch.array("bgra", (*self._size, 4), np.uint8)
+        bgra = cv2.cvtColor(np.ascontiguousarray(color), cv2.COLOR_RGB2BGRA, four).view("<i4")[..., 0]
+        bgra &= 0x00FFFFFF
         x, y, z = (plane.view("<i4") for plane in planes)
         pixels = cv2.merge([x, y, z, bgra], self._scratch.array("pixels", (*self._size, 4), np.int32))
         # One item a point, picked as a whole and by number: much faster than number by number, or by a mask.

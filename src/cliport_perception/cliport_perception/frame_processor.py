@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from array import array
+from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
 import numpy as np
@@ -38,6 +39,8 @@ class FrameProducts(NamedTuple):
 class FrameProcessor:
     """Keeps the rays of the current camera and pose, and the rates: heightmap_hz and points_hz at most.
 
+    A frame's cloud is made in a thread of its own while its heightmap is made.
+
     points_margin: how far beyond the workspace the cloud reaches [m]. table: how far the table may seem to move, which
     means that the camera did; None: it is not watched. depth_frames: over which depth is averaged. max_picture_motion:
     how far what lies around the workspace may, as a share of the picture's width; 0: it is not watched.
@@ -66,6 +69,7 @@ class FrameProcessor:
         self._surroundings: SurroundingsWatch | None = None
         self._builders: tuple[HeightmapBuilder, CloudBuilder] | None = None
         self._correction = AS_MEASURED
+        self._beside = ThreadPoolExecutor(1, "cloud")  # NumPy and OpenCV let the other thread run meanwhile
 
     def admits(self, stamp_ns: int, now_ns: int) -> bool:
         """Return True if a heightmap is due for a frame.
@@ -95,6 +99,8 @@ class FrameProcessor:
         """
         to_heightmap, to_cloud = self._builders_for(camera, camera_in_base, correction)
         depth_m = self._filter.add(correction.apply(depth_m))
+        # the cloud of a frame that is refused below is made in vain
+        coming = self._beside.submit(to_cloud.build, color, depth_m) if self._points_rate.is_due(stamp_ns) else None
         heightmap = to_heightmap.build(color, depth_m, stamp_ns)
         if self._table is not None:
             fault = self._table.check(depth_m)
@@ -105,8 +111,8 @@ class FrameProcessor:
         unseen = self._health.check_valid_fraction(heightmap.valid_fraction)
         _refuse(unseen and (DepthUnit(camera, camera_in_base, self._workspace).fault(depth_m) or unseen))
         cloud = None
-        if self._points_rate.is_due(stamp_ns):
-            cloud = to_cloud.build(color, depth_m)
+        if coming is not None:
+            cloud = coming.result()
             self._points_rate.note(stamp_ns)
         self._heightmap_rate.note(stamp_ns)
         self._health.on_served()

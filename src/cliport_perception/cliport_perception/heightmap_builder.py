@@ -15,6 +15,7 @@ from cliport_core.pose import Pose
 from cliport_core.workspace import WorkspaceSpec
 from cliport_perception.camera_model import CameraModel
 from cliport_perception.depth_noise import DepthNoise
+from cliport_perception.line_of_sight import bounds, depths_of_samples, region_of_interest, widest_gaps
 from cliport_perception.scratch import Scratch
 
 FloatImage: TypeAlias = npt.NDArray[np.float32]
@@ -48,12 +49,11 @@ class HeightmapBuilder:
         self.workspace = workspace
         self.max_depth_step = self._quiet_step = float(max_depth_step)
         rays = camera.rays() @ camera_in_base.rotation.T.astype(np.float32)  # (H, W, 3), base frame
-        self._roi = _region_of_interest(rays, camera_in_base, workspace)
+        self._roi = region_of_interest(rays, camera_in_base, workspace)
         roi_rays = np.ascontiguousarray(np.moveaxis(rays[self._roi], -1, 0))  # (3, h, w)
-        self._gaps = _widest_gaps(roi_rays, camera_in_base, workspace)
+        self._gaps = widest_gaps(roi_rays, camera_in_base, workspace)
         self._splits = self._splits_with(_JITTER)
-        numbers = np.arange(camera.height * camera.width, dtype=np.int64).reshape(camera.height, camera.width)
-        self._pixels = np.ascontiguousarray(numbers[self._roi]).ravel()  # of the region, by number in the whole image
+        self._enter, self._leave = depths_of_samples(roi_rays, camera_in_base, workspace)
         # grid coordinates are (cell column, cell row, height step): one multiply and one add per pixel
         scale = np.array([workspace.pixel_size, workspace.pixel_size, _HEIGHT_STEP])
         origin = np.array([workspace.x_min, workspace.y_min, workspace.z_min])
@@ -75,19 +75,21 @@ class HeightmapBuilder:
         """
         self._check_sizes(color, depth_m)
         rows, cols = self.workspace.shape
-        keys: npt.NDArray[np.int64] = np.full(rows * cols, -1, dtype=np.int64)
-        depth = np.ascontiguousarray(depth_m[self._roi], dtype=np.float32)
-        if depth.size:
-            # What is not known is NaN or infinite, or lies at or behind the camera: all outside the workspace.
-            with np.errstate(invalid="ignore"):
-                self._splat(depth, keys)
+        depth_roi, color_roi = depth_m[self._roi], color[self._roi]
+        # What is not known is NaN or infinite, or lies at or behind the camera: all outside the workspace.
+        with np.errstate(invalid="ignore"):
+            window = self._window(depth_roi)
+            depth = np.ascontiguousarray(depth_roi[window], dtype=np.float32)
+            nothing = (-1 << _INDEX_BITS) | depth.size  # below any sample's key; its pixel comes after the last
+            keys: npt.NDArray[np.int64] = np.full(rows * cols, nothing, dtype=np.int64)
+            if depth.size:
+                self._splat(depth, self._slope[:, window[0], window[1]], keys)
         seen = keys >= 0
-        unseen = np.flatnonzero(~seen)
-        keys[unseen] = 0
         height = ((keys >> _INDEX_BITS) * _HEIGHT_STEP + self.workspace.z_min).astype(np.float32)
-        pixels = self._pixels.take(keys & ((1 << _INDEX_BITS) - 1)) if self._pixels.size else keys
-        flat_color = color.reshape(-1, 3).take(pixels, axis=0)  # of all cells: rows are read fast, and written slowly
-        height[unseen], flat_color[unseen] = 0.0, 0
+        height[~seen] = 0.0
+        pixels = np.zeros((depth.size + 1, 3), dtype=np.uint8)  # the last one is black
+        pixels[:-1].reshape(*depth.shape, 3)[...] = color_roi[window]
+        flat_color = pixels.take(keys & ((1 << _INDEX_BITS) - 1), axis=0, mode="clip")  # in range; "raise" is slower
         return Heightmap(
             flat_color.reshape(rows, cols, 3),
             height.reshape(rows, cols),
@@ -96,9 +98,21 @@ class HeightmapBuilder:
             stamp_ns,
         )
 
-    def _splat(self, depth: FloatImage, keys: npt.NDArray[np.int64]) -> None:
-        """Raise keys (rows * cols,) to `height << 32 | pixel` of the highest sample in each cell."""
-        grid = np.multiply(depth, self._slope, out=self._scratch.array("grid", self._slope.shape, np.float32))
+    def _window(self, depth: FloatImage) -> tuple[slice, slice]:
+        """Return the rows and columns of depth (h, w) [m], seen in the region, that have samples inside the workspace.
+
+        The region is where the workspace can be seen; much of what this frame shows there lies beside or behind it.
+        """
+        # Each of the pixels that a sample lies between is within two steps of its depth: one down, one to the right.
+        slack = np.float32(max(0.0, 2.0 * self.max_depth_step))
+        return bounds((depth + slack >= self._enter) & (depth - slack <= self._leave))
+
+    def _splat(self, depth: FloatImage, slope: FloatImage, keys: npt.NDArray[np.int64]) -> None:
+        """Raise keys (rows * cols,) to `height << 32 | pixel` of the highest sample in each cell.
+
+        depth: (h, w) [m]; slope: (3, h, w), of the grid coordinates over depth [1/m].
+        """
+        grid = np.multiply(depth, slope, out=self._scratch.array("grid", slope.shape, np.float32))
         grid += self._offset[:, None, None]  # (3, h, w)
         down, right, patch = _same_surfaces(depth, self.max_depth_step)
         n_down, n_right = self._splits
@@ -124,9 +138,13 @@ class HeightmapBuilder:
         if joined is not None:
             inside &= joined
         index = np.flatnonzero(inside)  # picked by number: a mask would be read anew for every plane
-        cell = row.ravel().take(index).astype(np.int32) * cols + column.ravel().take(index).astype(np.int32)
-        key = ((height.ravel().take(index) + 0.5).astype(np.int64) << _INDEX_BITS) | (index + nearest)
-        np.maximum.at(keys, cell, key)
+        cell = row.ravel().take(index).astype(np.int32)
+        cell *= cols
+        cell += column.ravel().take(index).astype(np.int32)
+        key = (height.ravel().take(index) + np.float32(0.5)).astype(np.int32).astype(np.int64)  # faster than at once
+        key <<= _INDEX_BITS
+        key |= np.add(index, nearest, out=index)
+        np.maximum.at(keys, cell.astype(np.intp), key)
 
     def _blend(self, planes: FloatImage, share: float, axis: int, name: str) -> FloatImage:
         return _blend(planes, share, axis, self._scratch.array(name, planes.shape, np.float32))
@@ -180,21 +198,21 @@ def _same_surfaces(depth: FloatImage, max_step: float) -> tuple[npt.NDArray[np.b
 
     Depth is known there and steps by `max_step` [m] at most. False in the last row or column, for want of a neighbour.
     """
+    w, flat = depth.shape[1], depth.ravel()  # all rows in one go: the right neighbour of a row's end is masked
     down, right, patch = (np.zeros(depth.shape, dtype=bool) for _ in range(3))
-    np.less_equal(np.abs(depth[:-1] - depth[1:]), max_step, out=down[:-1])  # False where NaN
-    np.less_equal(np.abs(depth[:, :-1] - depth[:, 1:]), max_step, out=right[:, :-1])
-    top, bottom, left, beside = right[:-1, :-1], right[1:, :-1], down[:-1, :-1], down[:-1, 1:]
-    patch[:-1, :-1] = top & bottom & left & beside
+    np.less_equal(np.abs(flat[:-w] - flat[w:]), max_step, out=down.ravel()[:-w])  # False where NaN
+    np.less_equal(np.abs(flat[:-1] - flat[1:]), max_step, out=right.ravel()[:-1])
+    right[:, -1] = False
+    beside = down.ravel()[1 : flat.size - w + 1].reshape(-1, w)
+    patch[:-1] = right[:-1] & right[1:] & down[:-1] & beside
     return down, right, patch
 
 
 def _blend(planes: FloatImage, share: float, axis: int, blended: FloatImage) -> FloatImage:
-    """Return, in `blended`, planes (3, h, w) `share` of the way to the next pixel along `axis`; NaN at its end."""
-    if axis == 1:
-        first, second, inner, end = planes[:, :-1], planes[:, 1:], blended[:, :-1], blended[:, -1]
-    else:
-        first, second, inner, end = planes[:, :, :-1], planes[:, :, 1:], blended[:, :, :-1], blended[:, :, -1]
-    end[...] = np.nan
+    """Return, in `blended`, planes (3, h, w) `share` of the way to the next pixel along `axis`; not at its end."""
+    step = planes.shape[2] if axis == 1 else 1
+    flat = planes.ravel()  # all rows in one go
+    first, second, inner = flat[:-step], flat[step:], blended.ravel()[:-step]
     if share == 0.5:
         np.add(first, second, out=inner)  # halves are exact: the same numbers in fewer steps
         inner *= np.float32(0.5)
@@ -202,41 +220,3 @@ def _blend(planes: FloatImage, share: float, axis: int, blended: FloatImage) -> 
         np.multiply(first, np.float32(1.0 - share), out=inner)
         inner += second * np.float32(share)
     return blended
-
-
-def _region_of_interest(
-    rays: npt.NDArray[np.float32], camera_in_base: Pose, workspace: WorkspaceSpec
-) -> tuple[slice, slice]:
-    """Return the image rows and columns whose rays (H, W, 3) meet the workspace's volume (slab test)."""
-    low = np.array([workspace.x_min, workspace.y_min, workspace.z_min]) - camera_in_base.translation
-    high = np.array([workspace.x_max, workspace.y_max, workspace.z_max]) - camera_in_base.translation
-    with np.errstate(divide="ignore", invalid="ignore"):
-        to_low = low.astype(np.float32) / rays
-        to_high = high.astype(np.float32) / rays
-    enter = np.fmin(to_low, to_high).max(axis=-1)
-    leave = np.fmax(to_low, to_high).min(axis=-1)
-    meets = (leave >= np.fmax(enter, 0.0)) & np.isfinite(leave)
-    if not meets.any():
-        return slice(0, 0), slice(0, 0)
-    at_rows = np.flatnonzero(meets.any(axis=1))
-    at_cols = np.flatnonzero(meets.any(axis=0))
-    h, w = meets.shape
-    return (
-        slice(max(0, int(at_rows[0]) - 1), min(h, int(at_rows[-1]) + 2)),
-        slice(max(0, int(at_cols[0]) - 1), min(w, int(at_cols[-1]) + 2)),
-    )
-
-
-def _widest_gaps(rays: npt.NDArray[np.float32], camera_in_base: Pose, workspace: WorkspaceSpec) -> list[float]:
-    """Return how far apart neighbouring pixels (down, right) see the workspace's floor at most [m]."""
-    drop = workspace.z_min - camera_in_base.translation[2]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        xy = rays[:2] * (drop / rays[2])  # (2, h, w): where the rays meet the floor
-    x, y = xy[0] + camera_in_base.translation[0], xy[1] + camera_in_base.translation[1]
-    inside = (x > workspace.x_min) & (x < workspace.x_max) & (y > workspace.y_min) & (y < workspace.y_max)
-    widest = []
-    for axis in (1, 2):
-        gap = np.abs(np.diff(xy, axis=axis)).max(axis=0)
-        near = np.take(inside, range(gap.shape[axis - 1]), axis=axis - 1)
-        widest.append(float(gap[near].max()) if near.any() else workspace.pixel_size)
-    return widest

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 from typing import Any
 
@@ -16,8 +17,9 @@ class Scratch(threading.local):
         self._arrays: dict[str, npt.NDArray[Any]] = {}
 
     def array(self, name: str, shape: tuple[int, ...], dtype: npt.DTypeLike) -> npt.NDArray[Any]:
-        """Return the array of that name; what it holds is undefined."""
+        """Return the array of that name; what it holds is undefined. A smaller one than before takes no new memory."""
+        size = math.prod(shape)
         found = self._arrays.get(name)
-        if found is None or found.shape != shape or found.dtype != dtype:
-            found = self._arrays[name] = np.empty(shape, dtype)
-        return found
+        if found is None or found.size < size or found.dtype != dtype:
+            found = self._arrays[name] = np.empty(size, dtype)
+        return found[:size].reshape(shape)

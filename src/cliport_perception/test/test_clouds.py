@@ -58,6 +58,14 @@ def test_colour_is_kept(box_scene) -> None:
     assert not colors[:, 15].any()
 
 
+def test_a_cloud_keeps_its_points_when_the_next_one_is_made(box_scene) -> None:
+    builder = CloudBuilder(box_scene.camera, box_scene.camera_in_base, AROUND)
+    first = builder.build(box_scene.color, box_scene.depth)
+    before = bytes(first)
+    assert bytes(builder.build(box_scene.color[::-1], box_scene.depth + np.float32(0.01))) != before
+    assert bytes(first) == before
+
+
 def test_nothing_seen_is_an_empty_cloud(box_scene) -> None:
     builder = CloudBuilder(box_scene.camera, box_scene.camera_in_base, AROUND)
     nothing = np.full_like(box_scene.depth, np.nan)

@@ -4,9 +4,10 @@ import cv2
 import numpy as np
 import pytest
 
-from cliport_core import Pose, WorkspaceSpec
+from cliport_core import ImageError, Pose, WorkspaceSpec
 from cliport_perception import CameraModel, UnfitFrameError
 from cliport_perception.camera_health import CameraHealth, HealthLimits
+from cliport_perception.clouds import CloudBuilder, CloudRegion
 from cliport_perception.frame_processor import FrameProcessor
 
 MS = 1_000_000
@@ -36,6 +37,27 @@ def test_no_rate_admits_every_frame(box_scene) -> None:
     for _ in range(2):
         assert processor.admits(5_000 * MS, 5_000 * MS)
         assert processor.process(*box_scene, 5_000 * MS).cloud is not None
+
+
+def test_the_cloud_made_beside_the_heightmap_is_the_frames_own(box_scene) -> None:
+    processor = make(0.0, 0.0)
+    color, depth, camera, pose = box_scene
+    plain = CloudBuilder(camera, pose, CloudRegion.around(WorkspaceSpec()))
+    for number in range(4):
+        frame = color[::-1] if number % 2 else color, depth + np.float32(0.001 * number)
+        assert processor.process(*frame, camera, pose, number).cloud == plain.build(*frame)
+
+
+def test_the_cloud_of_a_refused_frame_is_neither_shown_nor_counted(box_scene) -> None:
+    processor = make()
+    color, depth, camera, pose = box_scene
+    for _ in range(3):
+        with pytest.raises(UnfitFrameError, match=r"valid in 0\.0 %"):
+            processor.process(color, np.full_like(depth, np.nan), camera, pose, 0)
+    cloud = processor.process(*box_scene, 0).cloud
+    assert cloud == CloudBuilder(camera, pose, CloudRegion.around(WorkspaceSpec())).build(color, depth)
+    with pytest.raises(ImageError, match="depth image is"):
+        processor.process(color, depth[1:], camera, pose, 1000 * MS)
 
 
 def test_a_clock_reset_does_not_stop_it(box_scene) -> None:
