@@ -166,6 +166,8 @@ class ArmUser:
         rows = np.zeros((len(points), POINT_STEP // 4), np.float32)
         rows[:, :3] = points
         self._points = array("B", rows.tobytes())
+        before = self.node.get_clock().now()
+        self.wait(lambda: self.node.get_clock().now() > before, 30.0)  # a cloud of the last scene may have this stamp
         self._seen_at = self.node.get_clock().now()
 
     def trigger(self, name: str, seconds: float = 60.0) -> str:

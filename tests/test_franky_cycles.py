@@ -35,6 +35,8 @@ MOVING = 2.0  # the robot's mode Move
 PATH_ERROR = 0.002  # of the TCP from the commanded path [m]
 TORQUE_RATE = 1000.0  # that a real arm takes without an error [N m/s], libfranka's rate_limiting
 PLACE_ERROR = 0.01  # of the block from where it should be [m]
+# The simulated joints rub with up to 1.1 N m, which its server does not compensate as an arm's own controller does.
+STIFFNESS = [1200.0, 1200.0, 1200.0, 1200.0, 500.0, 300.0, 100.0]  # twice the driver's default [N m/rad]
 SPAN = 0.01  # over which accelerations are measured [s]
 
 pytestmark = pytest.mark.soak
@@ -47,7 +49,7 @@ def bench(tmp_path: Path) -> Iterator[tuple[Processes, TableArm, ArmUser]]:
     x, y = PLACES[0]
     arm = TableArm(processes, "--block", str(x), str(y), "--log", str(tmp_path / "ticks.bin"))
     driver = {"robot_ip": arm.address, "arm": "fr3", "realtime": False, "publish_clock": True, "use_sim_time": True}
-    processes.node("driver", "panda_driver.node", heartbeat_timeout=5.0, **driver)
+    processes.node("driver", "panda_driver.node", heartbeat_timeout=5.0, stiffness=STIFFNESS, **driver)
     user = ArmUser(domain)
     user.wait(lambda: bool(user.joints), 60.0)
     executor = {"robot": "fr3", "use_sim_time": True, "auto_approve": True, **PATIENT}
@@ -60,7 +62,7 @@ def bench(tmp_path: Path) -> Iterator[tuple[Processes, TableArm, ArmUser]]:
 
 def test_cycles_stay_within_what_the_arm_allows(bench: tuple[Processes, TableArm, ArmUser], tmp_path: Path) -> None:
     processes, arm, user = bench
-    began, offs = time.monotonic(), list[NDArray[np.float64]]()
+    began, began_at, offs = time.monotonic(), user.joints[-1][1], list[NDArray[np.float64]]()
     for cycle in range(CYCLES):
         there = PLACES[(cycle + 1) % 2]
         block = arm.block()
@@ -69,11 +71,11 @@ def test_cycles_stay_within_what_the_arm_allows(bench: tuple[Processes, TableArm
         words = f"cycle {cycle}: {result.message}\n{processes.log('driver')[-2000:]}"
         assert result.outcome == PickPlace.Result.OUTCOME_SUCCEEDED, words
         offs.append(arm.block()[:2] - there)
-    took = time.monotonic() - began
+    took, arm_took = time.monotonic() - began, user.joints[-1][1] - began_at
     processes.close()
     log = read_log(tmp_path / "ticks.bin")
-    found = {"cycles": CYCLES, "wall_s": took, "arm_s": float(log["time"][-1] - log["time"][0])}
-    found |= {"real_time_factor": found["arm_s"] / took, **motion(log), **path_errors(user), **joint_states(user)}
+    found = {"cycles": CYCLES, "wall_s": took, "arm_s": arm_took, "real_time_factor": arm_took / took}
+    found |= {**motion(log), **path_errors(user), **joint_states(user)}
     found |= placing(np.array(offs))
     OUT.parent.mkdir(exist_ok=True)
     OUT.write_text(json.dumps(found, indent=1))
