@@ -19,7 +19,7 @@ import pytest
 pytest.importorskip("franky", reason="needs franky: make setup EXTRAS='all driver'")
 pytest.importorskip("franky_sim", reason="needs franky-sim: make setup EXTRAS='all driver'")
 
-from franky_bench import FR3, PATIENT, ArmUser, Processes, TableArm
+from franky_bench import FR3, PATIENT, STIFFNESS, ArmUser, Processes, TableArm
 from franky_table_server import read_log
 from hardware_times import ROOT
 from numpy.typing import NDArray
@@ -29,14 +29,13 @@ from cliport_interfaces.action import PickPlace
 from panda_executor.model import PandaModel
 
 CYCLES = int(os.environ.get("CYCLES", "200"))
+PACE = os.environ.get("PACE", "1.0")  # of the simulated arm, times real time
 OUT = ROOT / "out" / "franky_cycles.json"
 PLACES = ((0.45, 0.12), (0.45, -0.12))  # between which the block goes [m]
 MOVING = 2.0  # the robot's mode Move
 PATH_ERROR = 0.002  # of the TCP from the commanded path [m]
 TORQUE_RATE = 1000.0  # that a real arm takes without an error [N m/s], libfranka's rate_limiting
 PLACE_ERROR = 0.01  # of the block from where it should be [m]
-# The simulated joints rub with up to 1.1 N m, which its server does not compensate as an arm's own controller does.
-STIFFNESS = [1200.0, 1200.0, 1200.0, 1200.0, 500.0, 300.0, 100.0]  # twice the driver's default [N m/rad]
 SPAN = 0.01  # over which accelerations are measured [s]
 
 pytestmark = pytest.mark.soak
@@ -47,7 +46,7 @@ def bench(tmp_path: Path) -> Iterator[tuple[Processes, TableArm, ArmUser]]:
     domain = next_domain()
     processes = Processes(tmp_path, domain)
     x, y = PLACES[0]
-    arm = TableArm(processes, "--block", str(x), str(y), "--log", str(tmp_path / "ticks.bin"))
+    arm = TableArm(processes, "--block", str(x), str(y), "--pace", PACE, "--log", str(tmp_path / "ticks.bin"))
     driver = {"robot_ip": arm.address, "arm": "fr3", "realtime": False, "publish_clock": True, "use_sim_time": True}
     processes.node("driver", "panda_driver.node", heartbeat_timeout=5.0, stiffness=STIFFNESS, **driver)
     user = ArmUser(domain)

@@ -23,7 +23,7 @@ from sim_bridge.control.joint_trajectory_controller import (
 from sim_bridge.control.trajectory_goal import TrajectoryGoal
 
 PERIOD_S = 0.004  # between two turns, wall clock
-LATE_S = 0.02  # of the arm's time, by which the reference goes on in one turn at most
+LATE_S = 0.05  # of the arm's time, by which the reference goes on in one turn at most: so far the arm goes without one
 HOLD_S = 0.3  # for which the driver keeps control once the reference is at rest, the arm's clock
 
 
