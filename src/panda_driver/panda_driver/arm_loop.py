@@ -24,6 +24,7 @@ from sim_bridge.control.trajectory_goal import TrajectoryGoal
 
 PERIOD_S = 0.004  # between two turns, wall clock
 LATE_S = 0.05  # of the arm's time, by which the reference goes on in one turn at most: so far the arm goes without one
+TELL_S = 0.5  # from the arm's loss until the loop says that it ended: so goals are told first, wall clock
 HOLD_S = 0.3  # for which the driver keeps control once the reference is at rest, the arm's clock
 
 
@@ -201,6 +202,7 @@ class ArmLoop:
                 self._controller.reset(self._ended)
                 if self._recovery is not None:
                     self._recovery.set_exception(ArmFaultError(self._ended))
+            self._stopping.wait(TELL_S)
             self._on_failure(error)
             if not isinstance(error, DriverError):
                 raise
