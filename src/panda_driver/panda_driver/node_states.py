@@ -28,11 +28,11 @@ class StatePublisher:
     """
 
     def __init__(self, node: Node, robot: ArmModel, hand: Hand | None, rate: float, own_time: bool) -> None:
-        self._node, self._robot, self._hand, self._period = node, robot, hand, 0.9 / rate
+        self._node, self._robot, self._hand, self._period = node, robot, hand, 1.0 / rate
         self._states = node.create_publisher(JointState, topics.JOINT_STATES, 10)
         self._clock = node.create_publisher(ClockMessage, topics.CLOCK, 10) if own_time else None
         self._state_clock = StateClock()
-        self._published = 0.0
+        self._due = 0.0
         self._last_fault, self._told_old = "", False
 
     def take(self, state: ArmState) -> None:
@@ -42,9 +42,9 @@ class StatePublisher:
         self._last_fault = state.fault
         now = time.monotonic()
         age = self._state_clock.age(state.time, now)
-        if age is None or now - self._published < self._period:
+        if age is None or now < self._due:
             return
-        self._published = now
+        self._due = max(self._due, now - self._period) + self._period  # a late turn does not make the next ones rarer
         if self._clock is not None:
             stamp = state.time
             self._clock.publish(ClockMessage(clock=time_to_msg(stamp)))
