@@ -42,7 +42,7 @@ class ArmPort(Protocol):
         ...
 
     def follow(self, positions: FloatArray, velocities: FloatArray, accelerations: FloatArray) -> None:
-        """Set the reference, each (7,): [rad], [rad/s], [rad/s^2]. Raises ArmFaultError when the arm stopped by itself."""
+        """Set the reference, each (7,): [rad], [rad/s], [rad/s^2]. Raises ArmFaultError when the arm stopped."""
         ...
 
     def end(self) -> None:
