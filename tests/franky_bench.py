@@ -44,7 +44,7 @@ _CAMERA = "camera_color_optical_frame"
 _OWNER = "franky_bench"
 _STEP = 0.004  # between two points of the cloud [m]
 # The machine may be busy with the simulated arm itself; a real one computes elsewhere.
-PATIENT = {"owner_silence": 5.0, "work_silence": 2.0, "max_cloud_age": 30.0, "max_joint_age": 1.0}
+PATIENT = {"owner_silence": 5.0, "work_silence": 2.0, "max_cloud_age": 30.0, "max_joint_age": 1.0, "max_ahead": 1.0}
 
 
 class Processes:

@@ -25,6 +25,7 @@ from sim_bridge.control.trajectory_goal import TrajectoryGoal
 PERIOD_S = 0.004  # between two turns, wall clock
 LATE_S = 0.05  # of the arm's time, by which the reference goes on in one turn at most: so far the arm goes without one
 TELL_S = 0.5  # from the arm's loss until the loop says that it ended: so goals are told first, wall clock
+STALLED_S = 0.15  # after which the arm has come to rest by itself, and a trajectory would begin with a jump
 HOLD_S = 0.3  # for which the driver keeps control once the reference is at rest, the arm's clock
 
 
@@ -33,7 +34,7 @@ class ArmLoop:
 
     The rules for goals, tolerances and braking are the simulator's controller's, which are those of
     joint_trajectory_controller. The arm is controlled only while a trajectory runs, else it holds by itself. When this
-    process was held up, the trajectory goes on where it was, and ends later: its reference does not jump.
+    process was held up, the trajectory goes on where the arm is, and ends later; after STALLED_S it is aborted.
 
     Args:
         on_state: told of each state that is read, in the loop's thread.
@@ -145,13 +146,19 @@ class ArmLoop:
             if self._fault and not state.fault:
                 state = replace(state, fault=self._fault)
             if self._in_control:
-                self._held_up += max(state.time - self._state.time - LATE_S, 0.0)
+                self._catch_up(state.time - self._state.time)
             self._state = state
             try:
                 self._drive(state)
             except ArmFaultError as error:
                 self._give_up(str(error))
         self._on_state(state)
+
+    def _catch_up(self, gap: float) -> None:
+        """Let the trajectory be as late as the arm is, or end, where no reference came for `gap` s."""
+        if gap > STALLED_S:
+            self._controller.reset(f"the driver was held up for {gap:.2f} s; the arm holds")
+        self._held_up += max(gap - LATE_S, 0.0)
 
     def _drive(self, state: ArmState) -> None:
         if state.fault:
@@ -162,6 +169,7 @@ class ArmLoop:
             return
         if not self._in_control:
             self._port.begin()
+            state = self._state = self._port.read()  # taking control takes a while
             self._in_control, self._rest_since = True, state.time
         command = self._controller.update(self.time, state)
         self._port.follow(command.positions, command.velocities, command.accelerations)

@@ -66,14 +66,25 @@ def test_a_loop_that_was_held_up_goes_on_where_the_path_was(bench: Bench) -> Non
     execution = bench.loop.start(goal())
     bench.turn(lambda: bench.arm.positions[0] > ARM.ready[0] + 0.04)
     before = bench.arm.positions.copy()
-    bench.arm.time += 0.5
+    bench.arm.time += 0.1
     bench.loop.turn()
     assert 0.0 < np.abs(bench.arm.positions - before).max() < 1.1 * LATE_S * np.abs(WAY).max()
     bench.finish(execution)
     assert execution.status is GoalStatus.SUCCEEDED
-    assert bench.arm.time - begin == pytest.approx(2.0 + 0.5 - LATE_S + bench.arm.step, abs=0.05)
+    assert bench.arm.time - begin == pytest.approx(2.0 + 0.1 - LATE_S + bench.arm.step, abs=0.02)
     bench.turn(lambda: not bench.arm.in_control)
     assert bench.loop.time == bench.arm.time
+
+
+def test_a_loop_that_was_held_up_for_long_lets_the_arm_hold(bench: Bench) -> None:
+    execution = bench.loop.start(goal())
+    bench.turn(lambda: bench.arm.positions[0] > ARM.ready[0] + 0.04)
+    before = bench.arm.positions.copy()
+    bench.arm.time += 0.2
+    bench.loop.turn()
+    assert execution.status is GoalStatus.ABORTED and "held up for 0.21 s" in execution.error_string
+    np.testing.assert_array_equal(bench.arm.positions, before)
+    assert not bench.arm.velocities.any()
 
 
 def test_control_is_taken_for_a_motion_and_given_back(bench: Bench) -> None:
