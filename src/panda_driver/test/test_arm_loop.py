@@ -71,7 +71,7 @@ def test_a_loop_that_was_held_up_goes_on_where_the_path_was(bench: Bench) -> Non
     assert 0.0 < np.abs(bench.arm.positions - before).max() < 1.1 * LATE_S * np.abs(WAY).max()
     bench.finish(execution)
     assert execution.status is GoalStatus.SUCCEEDED
-    assert bench.arm.time - begin == pytest.approx(2.0 + 0.1 - LATE_S + bench.arm.step, abs=0.02)
+    assert bench.arm.time - begin == pytest.approx(2.0 + 0.1 - LATE_S + bench.arm.step, abs=0.05)
     bench.turn(lambda: not bench.arm.in_control)
     assert bench.loop.time == bench.arm.time
 
