@@ -4,7 +4,8 @@
 
 It prints its address, then runs until it is killed. Each line on its standard input is a request: a fault's name
 (reflex, exception, user_stop, drop, cut, hand_gone), what ends one (clear, release, hand_back), `mark`, which is
-counted in the log, or `where`, which is answered by the block's pose.
+counted in the log, `between W`, a width [m] below which something between the fingers stops them, or `where`, which
+is answered by the block's pose.
 """
 
 from __future__ import annotations
@@ -149,6 +150,24 @@ def _move_unless_stopped(command: MoveCommand, server: FaultyArm) -> None:
 _MOVE = MoveCommand.handle
 
 
+class StoppedHand:
+    """Fingers of a simulated arm that something outside of its simulation stops."""
+
+    def __init__(self, robot: Any) -> None:
+        self._set, self._asked = robot.set_hand_goal, (robot.hand_width, 0.1, 70.0)
+        self._least = 0.0
+        robot.set_hand_goal = self._goal
+
+    def stop_at(self, width: float) -> None:
+        """Let the fingers come no nearer than a full width [m]."""
+        self._least = width
+        self._goal(*self._asked)
+
+    def _goal(self, width: float, velocity: float, force: float) -> None:
+        self._asked = (width, velocity, force)
+        self._set(max(width, self._least), velocity, force)
+
+
 class TableServer(SimulationServer):  # type: ignore[misc]
     """The simulation with its one arm, the block and the log."""
 
@@ -165,6 +184,7 @@ class TableServer(SimulationServer):  # type: ignore[misc]
         self.robot_servers.append(arm)
         self.sim.start()
         self._block = self.sim.model.joint("block").qposadr[0]
+        self._hand = StoppedHand(self.sim.robots[0])
 
     def run_once(self, realtime: bool | float = True) -> None:
         """Take requests, do one tick, and log it."""
@@ -172,6 +192,8 @@ class TableServer(SimulationServer):  # type: ignore[misc]
             what = self.requests.get()
             if what == "where":
                 print("block " + " ".join(f"{value:.5f}" for value in self._place()), flush=True)
+            elif what.startswith("between "):
+                self._hand.stop_at(float(what.split()[1]))
             else:
                 self.robot_servers[0].request(what)
         super().run_once(realtime)
@@ -204,6 +226,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--block", type=float, nargs=2, default=(0.45, 0.1), metavar=("X", "Y"))
     parser.add_argument("--log", type=Path)
+    parser.add_argument("--pace", type=float, default=1.0, help="times real time, where the machine keeps up")
     parser.add_argument("--unhomed", action="store_true", help="the hand does not know its range yet")
     parser.add_argument("--old-version", action="store_true", help="answer as another version of the protocol does")
     options = parser.parse_args()
@@ -221,7 +244,7 @@ def main() -> None:
         with TableServer(simulator, options.log) as server:
             if options.unhomed:
                 server.robot_servers[0].gripper_server._max_width = 0.0
-            server.run_async()
+            server.run_async(1.0 / options.pace)
             print(f"address {robot.hostname}", flush=True)
             for line in sys.stdin:
                 server.requests.put(line.strip())

@@ -23,6 +23,9 @@ from sim_bridge.control.joint_trajectory_controller import (
 from sim_bridge.control.trajectory_goal import TrajectoryGoal
 
 PERIOD_S = 0.004  # between two turns, wall clock
+LATE_S = 0.05  # of the arm's time, by which the reference goes on in one turn at most: so far the arm goes without one
+TELL_S = 0.5  # from the arm's loss until the loop says that it ended: so goals are told first, wall clock
+STALLED_S = 0.15  # after which the arm has come to rest by itself, and a trajectory would begin with a jump
 HOLD_S = 0.3  # for which the driver keeps control once the reference is at rest, the arm's clock
 
 
@@ -30,7 +33,8 @@ class ArmLoop:
     """Drives one arm by trajectories, one at a time. Trajectories run in the arm's own time.
 
     The rules for goals, tolerances and braking are the simulator's controller's, which are those of
-    joint_trajectory_controller. The arm is controlled only while a trajectory runs, else it holds by itself.
+    joint_trajectory_controller. The arm is controlled only while a trajectory runs, else it holds by itself. When this
+    process was held up, the trajectory goes on where the arm is, and ends later; after STALLED_S it is aborted.
 
     Args:
         on_state: told of each state that is read, in the loop's thread.
@@ -48,6 +52,7 @@ class ArmLoop:
         self._controller = JointTrajectoryController(config)
         self._lock = threading.RLock()
         self._in_control, self._rest_since = False, 0.0
+        self._held_up = 0.0  # by how much the trajectory is late [s]
         self._fault = ""  # of the last motion, until the errors are cleared
         self._state = port.read()
         self._recovery: Future[None] | None = None
@@ -76,25 +81,30 @@ class ArmLoop:
         return self._state
 
     @property
+    def time(self) -> float:
+        """The time [s] by which trajectories run: the arm's, less what this process was held up in this motion."""
+        return self._state.time - self._held_up
+
+    @property
     def moving(self) -> bool:
         """True while a trajectory is executed, or braked."""
         return self._controller.active is not None
 
     def check(self, goal: TrajectoryGoal) -> None:
-        """Raise GoalRejectedError, in words, unless the goal would be taken now; its start_time is the arm's."""
+        """Raise GoalRejectedError, in words, unless the goal would be taken now; its start_time is by `time`."""
         with self._lock:
             fault = self._fault or self._state.fault
             if fault:
                 raise GoalRejectedError(ErrorCode.INVALID_GOAL, fault)
             if self._controller.active is not None:
                 raise GoalRejectedError(ErrorCode.INVALID_GOAL, "another goal is executed: cancel it first")
-            self._controller.check(goal, self._state.time, self._state)
+            self._controller.check(goal, self.time, self._state)
 
     def start(self, goal: TrajectoryGoal) -> TrajectoryExecution:
         """Take a goal. Raises GoalRejectedError as `check` does."""
         with self._lock:
             self.check(goal)
-            return self._controller.start(goal, self._state.time)
+            return self._controller.start(goal, self.time)
 
     def cancel(self, execution: TrajectoryExecution) -> None:
         """Brake along the path and hold, where this goal still runs."""
@@ -135,12 +145,20 @@ class ArmLoop:
                 self._recover(recovery)
             if self._fault and not state.fault:
                 state = replace(state, fault=self._fault)
+            if self._in_control:
+                self._catch_up(state.time - self._state.time)
             self._state = state
             try:
                 self._drive(state)
             except ArmFaultError as error:
                 self._give_up(str(error))
         self._on_state(state)
+
+    def _catch_up(self, gap: float) -> None:
+        """Let the trajectory be as late as the arm is, or end, where no reference came for `gap` s."""
+        if gap > STALLED_S:
+            self._controller.reset(f"the driver was held up for {gap:.2f} s; the arm holds")
+        self._held_up += max(gap - LATE_S, 0.0)
 
     def _drive(self, state: ArmState) -> None:
         if state.fault:
@@ -151,9 +169,10 @@ class ArmLoop:
             return
         if not self._in_control:
             self._port.begin()
+            state = self._state = self._port.read()  # taking control takes a while
             self._in_control, self._rest_since = True, state.time
-        command = self._controller.update(state.time, state)
-        self._port.follow(command.positions, command.velocities)
+        command = self._controller.update(self.time, state)
+        self._port.follow(command.positions, command.velocities, command.accelerations)
         if self._controller.active is not None or np.any(command.velocities != 0.0):
             self._rest_since = state.time
         elif state.time - self._rest_since >= HOLD_S:
@@ -165,7 +184,7 @@ class ArmLoop:
         self._release(fault)
 
     def _release(self, reason: str) -> None:
-        self._in_control = False
+        self._in_control, self._held_up = False, 0.0
         self._port.end()
         self._controller.reset(reason)  # it may be moved by hand now: what was commanded says nothing any more
 
@@ -191,6 +210,7 @@ class ArmLoop:
                 self._controller.reset(self._ended)
                 if self._recovery is not None:
                     self._recovery.set_exception(ArmFaultError(self._ended))
+            self._stopping.wait(TELL_S)
             self._on_failure(error)
             if not isinstance(error, DriverError):
                 raise

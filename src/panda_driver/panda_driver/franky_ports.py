@@ -66,6 +66,7 @@ class FrankyArm:
         self._franky, self._settings = load_franky(), settings
         self._errors = franky_errors(self._franky)
         self._tracker: Any = None
+        self._state: Any = None  # the newest that was read, in franky's form
         config = self._franky.RealtimeConfig
         try:
             realtime = config.Enforce if settings.realtime else config.Ignore
@@ -81,7 +82,7 @@ class FrankyArm:
     def read(self) -> ArmState:
         """Return the newest state."""
         try:
-            state = self._robot.state
+            state = self._state = self._robot.state
         except self._errors as error:
             raise ConnectionFailedError(lost_words("arm", self._address, error)) from None
         fault = _STOPPED.get(state.robot_mode.name, "")
@@ -101,15 +102,16 @@ class FrankyArm:
         except self._errors as error:
             raise ArmFaultError(reflex_words(error)) from None
 
-    def follow(self, positions: FloatArray, velocities: FloatArray) -> None:
-        """Set the references."""
+    def follow(self, positions: FloatArray, velocities: FloatArray, accelerations: FloatArray) -> None:
+        """Set the references, with the torques that the arm's own model takes for the acceleration."""
         if not self._tracker.is_running:
             try:
                 self._robot.poll_motion()
             except self._errors as error:
                 raise ArmFaultError(reflex_words(error)) from None
             raise ArmFaultError("the arm ended its control without a word: call ~/recover_errors")
-        self._tracker.set_target(positions, dq=velocities)
+        torques = self._robot.model.mass(self._state) @ accelerations
+        self._tracker.set_target(positions, dq=velocities, tau_ff=torques)
 
     def end(self) -> None:
         """Let the torques run out; the arm's own controller holds it then."""

@@ -62,8 +62,8 @@ class DriverNode(Node):
         arm, connect_hand = connect(parameters)
         self.hand = Hand(connect_hand, robot.hand, self._on_hand_loss) if connect_hand is not None else None
         rate, own_time = parameters.joint_state_rate, parameters.publish_clock
-        states = StatePublisher(self, robot, self.hand, rate, own_time)
-        self.loop = ArmLoop(arm, ArmControllerConfig.for_arm(robot), states.take, on_failure)
+        self._states = StatePublisher(self, robot, self.hand, rate, own_time)
+        self.loop = ArmLoop(arm, ArmControllerConfig.for_arm(robot), self._states.take, on_failure)
         self._arm_action = ArmAction(self, self.loop, robot.arm_action, robot.arm_joints)
         self.create_service(Trigger, "~/recover_errors", self._recover)
         if self.hand is not None:
@@ -82,6 +82,7 @@ class DriverNode(Node):
         if self.hand is not None:
             self.hand.stop_thread()
         self.loop.stop_thread()
+        self._states.stop_thread()
 
     def _on_hand_loss(self, words: str) -> None:
         self.get_logger().error(f"{words}; the arm goes on without it")

@@ -47,12 +47,12 @@ class ArmAction:
         )
 
     def _decode(self, request: FollowJointTrajectory.Goal) -> TrajectoryGoal:
-        """Return the goal in the arm's own time. Raises GoalRejectedError."""
+        """Return the goal in the loop's time. Raises GoalRejectedError."""
         goal = conversions.trajectory_goal_from_msg(request)
         if goal.start_time is None:
             return goal
         delay = goal.start_time - self._node.get_clock().now().nanoseconds * 1e-9
-        return replace(goal, start_time=self._loop.state.time + delay)
+        return replace(goal, start_time=self._loop.time + delay)
 
     def _accept(self, request: FollowJointTrajectory.Goal) -> GoalResponse:
         try:
@@ -84,6 +84,7 @@ class ArmAction:
                 begin = time.monotonic()
                 self._publish(handle)
             time.sleep(0.005)
+        self._publish(handle)  # where the path ended, and the arm then
         self._executions.pop(key, None)
         _end(self._node, self._name, handle, execution.status, execution.error_string)
         return conversions.trajectory_result_to_msg(execution)

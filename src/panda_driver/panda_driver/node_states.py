@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import threading
 import time
+from collections.abc import Callable
+from contextlib import suppress
+from queue import SimpleQueue
 
 import numpy as np
+from rclpy.exceptions import InvalidHandle
 from rclpy.node import Node
 from rosgraph_msgs.msg import Clock as ClockMessage
 from sensor_msgs.msg import JointState
@@ -20,7 +25,9 @@ _OLD_S = 0.25  # above this age of the states somebody is told
 
 
 class StatePublisher:
-    """Publishes joint states, at most at a rate [Hz], each measurement once; all in the arm's thread.
+    """Publishes joint states, at most at a rate [Hz], each measurement once, in a thread of its own.
+
+    Middleware may hold a publisher up for half a second where a subscriber is slow; the arm's thread does not wait.
 
     Stamps are ROS time at the measurement, told by the arm's own clock (StateClock). With `own_time` they are that
     clock's time itself, which becomes the graph's (/clock). Fingers whose state is old are left out: whoever needs
@@ -28,28 +35,49 @@ class StatePublisher:
     """
 
     def __init__(self, node: Node, robot: ArmModel, hand: Hand | None, rate: float, own_time: bool) -> None:
-        self._node, self._robot, self._hand, self._period = node, robot, hand, 0.9 / rate
+        self._node, self._robot, self._hand, self._period = node, robot, hand, 1.0 / rate
         self._states = node.create_publisher(JointState, topics.JOINT_STATES, 10)
         self._clock = node.create_publisher(ClockMessage, topics.CLOCK, 10) if own_time else None
         self._state_clock = StateClock()
-        self._published = 0.0
+        self._due = 0.0
         self._last_fault, self._told_old = "", False
+        self._taken: SimpleQueue[Callable[[], None] | None] = SimpleQueue()
+        self._thread = threading.Thread(target=self._run, name="states", daemon=True)
+        self._thread.start()
 
     def take(self, state: ArmState) -> None:
-        """Publish a state that is new; log a fault that is."""
+        """Have a state published that is new, and a fault logged that is."""
         if state.fault and state.fault != self._last_fault:
-            self._node.get_logger().error(state.fault)
+            fault = state.fault
+            self._taken.put(lambda: self._tell(fault))
         self._last_fault = state.fault
         now = time.monotonic()
         age = self._state_clock.age(state.time, now)
-        if age is None or now - self._published < self._period:
+        if age is None or now < self._due:
             return
-        self._published = now
+        self._due = max(self._due, now - self._period) + self._period  # a late turn does not make the next ones rarer
+        self._taken.put(lambda: self._pass_on(state, age, now))
+
+    def stop_thread(self) -> None:
+        """Publish what was taken, and end the thread."""
+        self._taken.put(None)
+        self._thread.join(2.0)
+
+    def _run(self) -> None:
+        while (publish := self._taken.get()) is not None:
+            with suppress(InvalidHandle):  # the node ends
+                publish()
+
+    def _tell(self, fault: str) -> None:
+        self._node.get_logger().error(fault)
+
+    def _pass_on(self, state: ArmState, age: float, taken_at: float) -> None:
         if self._clock is not None:
             stamp = state.time
             self._clock.publish(ClockMessage(clock=time_to_msg(stamp)))
         else:
-            stamp = self._node.get_clock().now().nanoseconds * 1e-9 - age
+            waited = time.monotonic() - taken_at
+            stamp = self._node.get_clock().now().nanoseconds * 1e-9 - waited - age
             self._warn_of(age)
         self._publish(state, stamp)
 

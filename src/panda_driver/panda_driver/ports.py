@@ -41,8 +41,8 @@ class ArmPort(Protocol):
         """Take control; the arm holds where it is. Raises ArmFaultError when it does not let itself be moved."""
         ...
 
-    def follow(self, positions: FloatArray, velocities: FloatArray) -> None:
-        """Set the reference, (7,) [rad] and (7,) [rad/s]. Raises ArmFaultError when the arm has stopped by itself."""
+    def follow(self, positions: FloatArray, velocities: FloatArray, accelerations: FloatArray) -> None:
+        """Set the reference, each (7,): [rad], [rad/s], [rad/s^2]. Raises ArmFaultError when the arm stopped."""
         ...
 
     def end(self) -> None:

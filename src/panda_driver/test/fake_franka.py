@@ -30,7 +30,7 @@ class FakeArm:
         self.in_control = True
         self.begun += 1
 
-    def follow(self, positions: FloatArray, velocities: FloatArray) -> None:
+    def follow(self, positions: FloatArray, velocities: FloatArray, accelerations: FloatArray) -> None:
         assert self.in_control
         if self.stops_with:
             raise ArmFaultError(self.stops_with)

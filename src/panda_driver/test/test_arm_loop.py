@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from fake_franka import ARM, FakeArm
 
-from panda_driver.arm_loop import HOLD_S, ArmLoop
+from panda_driver.arm_loop import HOLD_S, LATE_S, ArmLoop
 from panda_driver.errors import ArmFaultError, ConnectionFailedError
 from panda_driver.ports import ArmState
 from sim_bridge.control.arm_reflex import ArmControllerConfig
@@ -59,6 +59,32 @@ def test_a_trajectory_is_followed_in_the_arms_own_time(bench: Bench) -> None:
     np.testing.assert_allclose(bench.arm.positions, ARM.ready + WAY, atol=1e-6)
     middle = min(bench.states, key=lambda state: abs(state.time - begin - 1.0))
     np.testing.assert_allclose(middle.positions, ARM.ready + 0.5 * WAY, atol=0.005)
+
+
+def test_a_loop_that_was_held_up_goes_on_where_the_path_was(bench: Bench) -> None:
+    begin = bench.arm.time
+    execution = bench.loop.start(goal())
+    bench.turn(lambda: bench.arm.positions[0] > ARM.ready[0] + 0.04)
+    before = bench.arm.positions.copy()
+    bench.arm.time += 0.1
+    bench.loop.turn()
+    assert 0.0 < np.abs(bench.arm.positions - before).max() < 1.1 * LATE_S * np.abs(WAY).max()
+    bench.finish(execution)
+    assert execution.status is GoalStatus.SUCCEEDED
+    assert bench.arm.time - begin == pytest.approx(2.0 + 0.1 - LATE_S + bench.arm.step, abs=0.05)
+    bench.turn(lambda: not bench.arm.in_control)
+    assert bench.loop.time == bench.arm.time
+
+
+def test_a_loop_that_was_held_up_for_long_lets_the_arm_hold(bench: Bench) -> None:
+    execution = bench.loop.start(goal())
+    bench.turn(lambda: bench.arm.positions[0] > ARM.ready[0] + 0.04)
+    before = bench.arm.positions.copy()
+    bench.arm.time += 0.2
+    bench.loop.turn()
+    assert execution.status is GoalStatus.ABORTED and "held up for 0.21 s" in execution.error_string
+    np.testing.assert_array_equal(bench.arm.positions, before)
+    assert not bench.arm.velocities.any()
 
 
 def test_control_is_taken_for_a_motion_and_given_back(bench: Bench) -> None:

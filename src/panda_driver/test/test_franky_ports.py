@@ -65,6 +65,10 @@ class Noting:
         return getattr(self._franky, self._state)
 
     @property
+    def model(self) -> Any:
+        return SimpleNamespace(mass=lambda state: np.diag(1.0 + state.q))
+
+    @property
     def is_running(self) -> bool:
         return bool(self._franky.answers["is_running"])
 
@@ -159,9 +163,12 @@ def test_a_motion_from_taking_control_to_letting_go(franky: StandIn) -> None:
     del franky.calls[:]
     arm.begin()
     assert franky.calls == [("poll_motion",), ("JointImpedanceTracker", (1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0))]
-    arm.follow(np.full(7, 0.1), np.full(7, 0.2))
-    name, positions, (word, velocities) = franky.calls[-1]
+    arm.read()
+    arm.follow(np.full(7, 0.1), np.full(7, 0.2), np.full(7, 0.5))
+    name, positions, (word, velocities), (force, torques) = franky.calls[-1]
     assert (name, word, positions[0], velocities[0]) == ("set_target", "dq", 0.1, 0.2)
+    assert force == "tau_ff"
+    np.testing.assert_allclose(torques, 0.5 * (1.0 + np.arange(7.0)))
     arm.end()
     assert franky.calls[-1] == ("move", "stop", ("asynchronous", True))
     del franky.calls[:]
@@ -189,10 +196,10 @@ def test_an_arm_that_ends_its_control(franky: StandIn) -> None:
     arm.begin()
     franky.answers["is_running"] = False
     with pytest.raises(ArmFaultError, match="ended its control without a word: call ~/recover_errors"):
-        arm.follow(np.zeros(7), np.zeros(7))
+        arm.follow(np.zeros(7), np.zeros(7), np.zeros(7))
     franky.broken["poll_motion"] = franky.Exception("cartesian_reflex")
     with pytest.raises(ArmFaultError, match="stopped by itself: cartesian_reflex"):
-        arm.follow(np.zeros(7), np.zeros(7))
+        arm.follow(np.zeros(7), np.zeros(7), np.zeros(7))
 
 
 def test_errors_are_cleared_or_stay(franky: StandIn) -> None:

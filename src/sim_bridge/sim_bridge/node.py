@@ -19,9 +19,11 @@ from sim_bridge.control.heartbeat import HeartbeatWatchdog
 from sim_bridge.control.joint_trajectory_controller import JointTrajectoryController
 from sim_bridge.control.trajectory_log import TrajectoryLog
 from sim_bridge.errors import SimBridgeError
+from sim_bridge.mirror import Mirror
 from sim_bridge.node_camera import CameraPublisher
 from sim_bridge.node_controllers import ArmAction, GripperAction, serve_franka_hand
 from sim_bridge.node_faults import FaultInjection
+from sim_bridge.node_mirror import hear
 from sim_bridge.node_parameters import SimParameters, declare_parameters
 from sim_bridge.node_services import SceneServices
 from sim_bridge.node_state import StatePublisher
@@ -59,19 +61,23 @@ class SimNode(Node):  # type: ignore[misc]
                 reuse_still=True,
             )
         )
+        mirror = Mirror(lambda: world.time, world.dt) if parameters.mirror else None
         self.loop = SimLoop(
             world,
-            JointTrajectoryController(ArmControllerConfig.for_arm(arm)),
-            GripperController(_gripper_config(parameters)),
-            RealTimePacer(world.dt, parameters.real_time_factor),
+            mirror.arm if mirror else JointTrajectoryController(ArmControllerConfig.for_arm(arm)),
+            mirror.hand if mirror else GripperController(_gripper_config(parameters)),
+            mirror or RealTimePacer(world.dt, parameters.real_time_factor),
             lambda error: on_failure(SimBridgeError(f"the simulation failed: {error}")),
         )
         faults = FaultInjection(self, self.loop)
         self._state = StatePublisher(self, self.loop, camera, parameters, faults)
         self._camera = CameraPublisher(self, self.loop, camera, faults, parameters.camera_rate, parameters.camera_frame)
-        self._arm = ArmAction(self, self.loop, parameters.arm_action, faults, log)
-        self._gripper = GripperAction(self, self.loop, parameters.gripper_action, faults)
-        self._franka_hand = serve_franka_hand(self, self.loop, arm.with_gripper(parameters.gripper_action), faults)
+        if mirror:
+            hear(self, parameters.mirror, arm, mirror)
+        else:
+            self._arm = ArmAction(self, self.loop, parameters.arm_action, faults, log)
+            self._gripper = GripperAction(self, self.loop, parameters.gripper_action, faults)
+            self._franka_hand = serve_franka_hand(self, self.loop, arm.with_gripper(parameters.gripper_action), faults)
         self._scenes = SceneServices(self, self.loop, task, parameters.seed)
         self._watch(parameters)
         self.loop.start()

@@ -34,9 +34,10 @@ class SimParameters:
     and limits; an empty `base_frame`, `arm_action` or `gripper_action` is the preset's. `camera_mounting` is the path
     of a YAML file that says where the camera stands; empty for the shipped one. `camera_kind` is a SensorKind: the
     defaults of what `noise.<name>` sets. `publish_camera_pose`: whether /tf_static says where the camera stands; where
-    not, somebody else has to, as with a real one. `hand_fault` is a HandFault: what is
-    wrong with the hand. `held_board`: the form, as in `calibrate --board`, of a calibration
-    board that is fixed to the hand; empty for none.
+    not, somebody else has to, as with a real one. `hand_fault` is a HandFault: what is wrong with the hand. `mirror`: a
+    topic of another arm's joint states; then the simulated arm goes where they say, and time is theirs; it takes no
+    goals and publishes neither joint states nor a clock. `held_board`: the form, as in `calibrate --board`, of a
+    calibration board that is fixed to the hand; empty for none.
     """
 
     task: str = "put-blocks-in-bowls-seen-colors"
@@ -64,6 +65,7 @@ class SimParameters:
     arm_action: str = ""
     gripper_action: str = ""
     heartbeat_topic: str = topics.HEARTBEAT
+    mirror: str = ""
 
     def __post_init__(self) -> None:
         ranges = {

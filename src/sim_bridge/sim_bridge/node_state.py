@@ -23,7 +23,8 @@ from sim_bridge.sim_loop import SimLoop
 class StatePublisher:
     """/clock and /joint_states at their rates of simulated time, /tf_static once where that is wanted.
 
-    While joint states are spoiled by a fault, the true ones are on topics.SIM_TRUE_JOINTS, for those who test it.
+    While joint states are spoiled by a fault, or another arm's are mirrored, the true ones are on
+    topics.SIM_TRUE_JOINTS, for those who test it; an arm that mirrors publishes nothing else of itself.
     """
 
     def __init__(
@@ -39,7 +40,9 @@ class StatePublisher:
             self._transforms = node.create_publisher(TFMessage, topics.TF_STATIC, latched)
             place = transform_to_msg(camera.camera_in_base, parameters.base_frame, parameters.camera_frame, 0.0)
             self._transforms.publish(TFMessage(transforms=[place]))
-        loop.every(1.0 / parameters.clock_rate, self._publish_clock)
+        self._mirrors = bool(parameters.mirror)
+        if not self._mirrors:
+            loop.every(1.0 / parameters.clock_rate, self._publish_clock)
         loop.every(1.0 / parameters.joint_state_rate, self._publish_joints)
 
     def _publish_clock(self, time: float, state: ArmState) -> None:
@@ -47,8 +50,10 @@ class StatePublisher:
 
     def _publish_joints(self, time: float, state: ArmState) -> None:
         time = max(time + self._faults.clock_shift, 0.0)
-        if self._faults.states.any:
+        if self._mirrors or self._faults.states.any:
             self._truth.publish(self._message(time, state))
+        if self._mirrors:
+            return
         spoiled = self._faults.states.spoiled(time, state)
         if spoiled is not None:
             self._joints.publish(self._message(*spoiled))

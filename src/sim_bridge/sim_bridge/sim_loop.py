@@ -13,7 +13,6 @@ from typing import Any, Protocol, TypeVar
 from sim_bridge.control.gripper_controller import GripperController, GripperExecution
 from sim_bridge.control.joint_trajectory_controller import JointTrajectoryController, TrajectoryExecution
 from sim_bridge.errors import SimulationError
-from sim_bridge.pacing import RealTimePacer
 
 T = TypeVar("T")
 Execution = TrajectoryExecution | GripperExecution
@@ -31,6 +30,18 @@ class SteppedWorld(Protocol):
 
     def step(self) -> None:
         """Advance physics by one step."""
+        ...
+
+
+class Pacer(Protocol):
+    """Says how many steps are due: RealTimePacer, or another arm whose time is followed."""
+
+    def due(self, now: float) -> int:
+        """Return the number of steps to make at wall time `now` [s]."""
+        ...
+
+    def delay(self, now: float) -> float:
+        """Return how long [s] from `now` until the next look."""
         ...
 
 
@@ -52,7 +63,7 @@ class SimLoop:
         world: SteppedWorld,
         arm: JointTrajectoryController,
         gripper: GripperController,
-        pacer: RealTimePacer,
+        pacer: Pacer,
         on_failure: Callable[[BaseException], None] = lambda error: None,
     ) -> None:
         self.world = world

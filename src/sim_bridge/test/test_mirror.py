@@ -1,0 +1,73 @@
+"""A simulated arm that follows another's joint states, fingers and time included."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from cliport_core import Pose
+from sim_bridge.mirror import SQUEEZE, Mirror, Reported
+from sim_bridge.objects import block_shape
+from sim_bridge.robot import HAND, ROBOT
+from sim_bridge.world import SimWorld
+
+RATE = 150.0  # of the reports [Hz]
+
+
+def follow(world: SimWorld, mirror: Mirror, reports: list[Reported]) -> None:
+    """Do what a loop does for reports that come one after the other."""
+    for one in reports:
+        mirror.report(one)
+        for _ in range(mirror.due(0.0)):
+            state = world.panda.state()
+            arm, hand = mirror.arm.update(world.time, state), mirror.hand.update(world.time, state)
+            world.panda.command(arm.positions, arm.velocities)
+            world.panda.command_fingers(hand.width, hand.max_effort)
+            world.step()
+
+
+def reports(begin: float, seconds: float, way: float, width: float) -> list[Reported]:
+    """Make reports of a smooth motion of the first joint by `way` [rad] from the ready pose."""
+    times = np.arange(1, int(seconds * RATE) + 1) / RATE
+    share = times / seconds
+    places = way * (3.0 * share**2 - 2.0 * share**3)
+    speeds = way * 6.0 * (share - share**2) / seconds
+    turned = [np.r_[place, np.zeros(6)] for place in places]
+    return [
+        Reported(begin + time, ROBOT.ready + at, np.r_[speed, np.zeros(6)], width)
+        for time, at, speed in zip(times, turned, speeds)
+    ]
+
+
+@pytest.fixture
+def world() -> SimWorld:
+    return SimWorld()
+
+
+def test_arm_and_time_are_the_others(world: SimWorld) -> None:
+    mirror = Mirror(lambda: world.time, world.dt)
+    assert mirror.due(0.0) == 0 and mirror.delay(0.0) > 0.0
+    follow(world, mirror, reports(0.0, 2.0, 0.6, HAND.opening))
+    assert world.time == pytest.approx(2.0, abs=world.dt)
+    assert np.abs(world.panda.state().positions - ROBOT.ready - np.r_[0.6, np.zeros(6)]).max() < 0.003
+
+
+def test_fingers_close_as_reported_and_stop_at_what_is_there(world: SimWorld) -> None:
+    mirror = Mirror(lambda: world.time, world.dt)
+    follow(world, mirror, reports(0.0, 0.5, 0.0, HAND.opening))
+    follow(world, mirror, reports(0.5, 1.0, 0.0, 0.05))
+    assert world.panda.state().width == pytest.approx(0.05 - SQUEEZE, abs=0.002)
+    tcp = world.panda.tcp_in_base()
+    follow(world, mirror, reports(1.5, 1.0, 0.0, HAND.opening))
+    thing = world.add(block_shape(), Pose(np.eye(3), tcp.translation), "red", fixed=True)
+    follow(world, mirror, reports(2.5, 1.0, 0.0, 0.04))
+    assert world.panda.state().width == pytest.approx(0.04, abs=0.002)
+    world.remove(thing)
+
+
+def test_an_older_report_is_no_news(world: SimWorld) -> None:
+    mirror = Mirror(lambda: world.time, world.dt)
+    new, old = reports(1.0, 0.02, 0.1, 0.08)[-1], reports(0.5, 0.02, 0.3, 0.02)[-1]
+    mirror.report(new)
+    mirror.report(old)
+    assert mirror.newest is new
