@@ -11,6 +11,8 @@ import sys
 import tempfile
 from pathlib import Path
 
+sys.path.append(str(Path(__file__).resolve().parents[3] / "tests"))  # where the browser's user is
+
 from browser_user import BrowserUser, chromium
 from playwright.sync_api import sync_playwright
 from soak_server import Soaked
@@ -39,6 +41,7 @@ def main() -> None:
                     person.page.screenshot(path=out / f"{state}_{width}.png", full_page=True)
             soaked.rest()
             person.page.locator("#tab-episodes").click()
+            person.page.locator("#episode-table tbody tr").first.wait_for()
             for width, height in SIZES:
                 person.page.set_viewport_size({"width": width, "height": height})
                 person.page.screenshot(path=out / f"episodes_{width}.png", full_page=True)
