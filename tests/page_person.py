@@ -137,7 +137,7 @@ class Person(BrowserUser):
         self._begin_to_count()
         for attempt in range(_ATTEMPTS):
             picture = self.picture()
-            start, end = eyes.sweep(picture) if primitive == "sweep" else eyes.fold(picture, attempt)
+            start, end = (eyes.sweep if primitive == "sweep" else eyes.fold)(picture, attempt)
             if self.draw_and_preview(start, end, picture.shape, margins=(0, 0)) and self.act():
                 return
 
@@ -168,7 +168,7 @@ class Person(BrowserUser):
         self.remember("previewed")
         self.begin()
         begun = time.monotonic()
-        if self.album:
+        if self.album and not self._remembers("executing"):
             self.page.locator("#progress:not([hidden])").wait_for()
             time.sleep(2.0)
             self.remember("executing")
@@ -243,13 +243,16 @@ class Person(BrowserUser):
 
     def remember(self, state: str) -> None:
         """Put a picture of the page into the album, where there is one and it lacks this."""
-        if self.album is None or (self.album / f"page_{state}.jpg").exists():
+        if self.album is None or self._remembers(state):
             return
         self.album.mkdir(parents=True, exist_ok=True)
         for width in reversed(WIDTHS):  # it is left as wide as it was
             self.page.set_viewport_size({"width": width, "height": HEIGHT})
             name = f"page_{state}.jpg" if width == WIDTHS[0] else f"page_{state}_{width}.jpg"
             self.page.screenshot(path=self.album / name, type="jpeg", quality=80, full_page=width != WIDTHS[0])
+
+    def _remembers(self, state: str) -> bool:
+        return self.album is not None and (self.album / f"page_{state}.jpg").exists()
 
     def _until(self, act: Callable[[], bool]) -> None:
         """Try again what the page refuses: now and then a picture is too old, or a direction is no good."""

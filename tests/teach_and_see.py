@@ -34,7 +34,7 @@ TASK, PRIMITIVE = "sweeping-piles", "sweep"
 SHIPPED = ("default", "multi-open-100")  # the one that `make teach` starts with, and the one that a lesson begins with
 START_S, LESSON_S, LOAD_S = 600.0, 4 * 3600.0, 300.0
 LEFT_OUTSIDE = 0.03  # share of the pile that may be outside of the square when it counts as swept
-MOST_SWEEPS = 8
+MOST_SWEEPS = 20  # as many as the task allows
 
 
 class Minutes:
@@ -68,7 +68,7 @@ def teaching(options: argparse.Namespace) -> Iterator[str]:
     if options.launch:
         sets = f"data_sets:={options.out.resolve() / 'sets'}"
         command = ["ros2", "launch", "cliport_bringup", "teach.launch.yaml", f"task:={TASK}", sets]
-        command += ["port:=0", "page_args:=--port 0"]
+        command += ["port:=0", f"real_time_factor:={options.speed:g}", "page_args:="]
     log = options.out / "teach.log"
     with log.open("w") as file:
         process = subprocess.Popen(command, cwd=ROOT, stdout=file, stderr=subprocess.STDOUT, start_new_session=True)
@@ -143,6 +143,7 @@ def main() -> int:
     parser.add_argument("--demonstrations", type=int, default=12)
     parser.add_argument("--scenes", type=int, default=10)
     parser.add_argument("--minutes", type=float, help="for training (default: what the page takes by itself)")
+    parser.add_argument("--speed", type=float, default=1.0, help="simulated seconds per second, with --launch")
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--launch", action="store_true", help="the launch file itself in place of make teach")
     options = parser.parse_args()
