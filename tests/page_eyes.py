@@ -12,6 +12,9 @@ from numpy.typing import NDArray
 COLORS = {"red": (0, 135), "green": (56, 100)}  # OpenCV's hue and least saturation of the tasks' colours
 _WIDTH = 960  # of the picture that these lengths are for
 _RUN_UP = 34.0  # behind the farthest small block, where the closed hand has room
+_LEAST_RUN_UP = 18.0  # where there is no more room
+_TURNS = 8  # numbers that are different sweeps
+_LINE = 2.0  # about the green square, which still counts as in it
 _HALF_HAND = 9.0  # to either side of a sweep's line, where the closed hand meets a block
 _SHORT = 16.0  # of the square's middle a sweep ends: what is before the hand is in it then
 _CANDIDATES = 60  # sweeps that are compared
@@ -63,7 +66,8 @@ def inside(inner: Blob, outer: Blob) -> bool:
 def sweep(picture: NDArray[np.uint8], turn: int = 0) -> tuple[Blob, Blob]:
     """Return a sweep that brings much of what is red into the green square, and ends short of its middle.
 
-    turn: 0 for the sweep with the most before the hand, higher numbers for the next best.
+    turn: 0 for the sweep with the most before the hand; higher numbers for others, with less room behind them, as where
+    the best one begins outside of the workspace.
     """
     scale = picture.shape[1] / _WIDTH
     outside = _points(picture, "red")[_outside(picture)]
@@ -75,8 +79,9 @@ def sweep(picture: NDArray[np.uint8], turn: int = 0) -> tuple[Blob, Blob]:
         met = (np.abs(beside) < scale * _HALF_HAND) & (behind > 0)
         found.append((int(met.sum()), forth, behind[met].max()))
     found.sort(key=lambda each: each[0], reverse=True)
-    _, forth, farthest = found[turn % len(found)]
-    start, end = square - (farthest + scale * _RUN_UP) * forth, square - scale * _SHORT * forth
+    _, forth, farthest = found[turn * len(found) // _TURNS % len(found)]
+    run_up = _RUN_UP if turn % 2 == 0 else _LEAST_RUN_UP
+    start, end = square - (farthest + scale * run_up) * forth, square - scale * _SHORT * forth
     return Blob.around(start, scale * _BOX), Blob.around(end, scale * _BOX)
 
 
@@ -119,7 +124,7 @@ def _outside(picture: NDArray[np.uint8]) -> NDArray[np.bool_]:
     (col, row), (wide, high), angle = cv2.minAreaRect(_points(picture, "green").astype(np.float32))
     c, s = math.cos(math.radians(angle)), math.sin(math.radians(angle))
     local = np.abs((_points(picture, "red") - (col, row)) @ np.array([[c, -s], [s, c]]))
-    return (local > np.array([wide, high]) / 2).any(axis=1)
+    return (local > np.array([wide, high]) / 2 + picture.shape[1] / _WIDTH * _LINE).any(axis=1)
 
 
 def _middle(picture: NDArray[np.uint8], color: str) -> NDArray[np.float64]:
