@@ -12,6 +12,12 @@ from numpy.typing import NDArray
 COLORS = {"red": (0, 135), "green": (56, 100)}  # OpenCV's hue and least saturation of the tasks' colours
 _WIDTH = 960  # of the picture that these lengths are for
 _RUN_UP = 34.0  # behind the farthest small block, where the closed hand has room
+_LEAST_RUN_UP = 18.0  # where there is no more room
+_TURNS = 8  # numbers that are different sweeps
+_LINE = 2.0  # about the green square, which still counts as in it
+_HALF_HAND = 9.0  # to either side of a sweep's line, where the closed hand meets a block
+_SHORT = 16.0  # of the square's middle a sweep ends: what is before the hand is in it then
+_CANDIDATES = 60  # sweeps that are compared
 _NEAR = 26.0  # part of a rope by which its direction is seen
 _BOX = 9.0  # half a box around a point
 _GOLDEN = math.pi * (3.0 - math.sqrt(5.0))  # multiples of this angle point everywhere soon
@@ -57,13 +63,26 @@ def inside(inner: Blob, outer: Blob) -> bool:
     return all(abs(a - b) < half for a, b, half in zip(inner.centre, outer.centre, outer.half, strict=True))
 
 
-def sweep(picture: NDArray[np.uint8]) -> tuple[Blob, Blob]:
-    """Return a sweep from behind the red thing that is farthest from the green square into the square."""
-    red, square = _points(picture, "red"), _middle(picture, "green")
-    farthest = red[np.argmax(np.linalg.norm(red - square, axis=1))]
-    forth = (square - farthest) / np.linalg.norm(square - farthest)
+def sweep(picture: NDArray[np.uint8], turn: int = 0) -> tuple[Blob, Blob]:
+    """Return a sweep that brings much of what is red into the green square, and ends short of its middle.
+
+    turn: 0 for the sweep with the most before the hand; higher numbers for others, with less room behind them, as where
+    the best one begins outside of the workspace.
+    """
     scale = picture.shape[1] / _WIDTH
-    return Blob.around(farthest - scale * _RUN_UP * forth, scale * _BOX), Blob.around(square, scale * _BOX)
+    outside = _points(picture, "red")[_outside(picture)]
+    square = np.asarray(cv2.minAreaRect(_points(picture, "green").astype(np.float32))[0])
+    found = []  # (caught, forth, how far behind the square the last of them is)
+    for first in outside[:: max(1, len(outside) // _CANDIDATES)]:
+        forth = (square - first) / np.linalg.norm(square - first)
+        behind, beside = (square - outside) @ forth, (square - outside) @ np.array([-forth[1], forth[0]])
+        met = (np.abs(beside) < scale * _HALF_HAND) & (behind > 0)
+        found.append((int(met.sum()), forth, behind[met].max()))
+    found.sort(key=lambda each: each[0], reverse=True)
+    _, forth, farthest = found[turn * len(found) // _TURNS % len(found)]
+    run_up = _RUN_UP if turn % 2 == 0 else _LEAST_RUN_UP
+    start, end = square - (farthest + scale * run_up) * forth, square - scale * _SHORT * forth
+    return Blob.around(start, scale * _BOX), Blob.around(end, scale * _BOX)
 
 
 def fold(picture: NDArray[np.uint8], turn: int = 0) -> tuple[Blob, Blob]:
@@ -84,12 +103,9 @@ def fold(picture: NDArray[np.uint8], turn: int = 0) -> tuple[Blob, Blob]:
 
 
 def share_outside(picture: NDArray[np.uint8]) -> float:
-    """Return the share of all red that lies outside of the rectangle around all green."""
-    red, green = _points(picture, "red"), _points(picture, "green")
-    if not len(red):
-        return 0.0
-    within = ((red >= green.min(axis=0)) & (red <= green.max(axis=0))).all(axis=1)
-    return float(1.0 - within.mean())
+    """Return the share of all red that lies outside of the green square."""
+    outside = _outside(picture)
+    return float(outside.mean()) if len(outside) else 0.0
 
 
 def distance(picture: NDArray[np.uint8], color: str, point: tuple[float, float]) -> float:
@@ -101,6 +117,14 @@ def _points(picture: NDArray[np.uint8], color: str) -> NDArray[np.float64]:
     """(N, 2) of all pixels of a colour, without specks."""
     mask = cv2.morphologyEx(of_color(picture, color), cv2.MORPH_OPEN, np.ones((2, 2), np.uint8))
     return np.argwhere(mask)[:, ::-1].astype(np.float64)
+
+
+def _outside(picture: NDArray[np.uint8]) -> NDArray[np.bool_]:
+    """(N,) which of the red pixels of `_points` lie outside of the rectangle around all green."""
+    (col, row), (wide, high), angle = cv2.minAreaRect(_points(picture, "green").astype(np.float32))
+    c, s = math.cos(math.radians(angle)), math.sin(math.radians(angle))
+    local = np.abs((_points(picture, "red") - (col, row)) @ np.array([[c, -s], [s, c]]))
+    return (local > np.array([wide, high]) / 2 + picture.shape[1] / _WIDTH * _LINE).any(axis=1)
 
 
 def _middle(picture: NDArray[np.uint8], color: str) -> NDArray[np.float64]:

@@ -34,6 +34,7 @@ from numpy.typing import NDArray
 from page_effort import Effort, effort_words
 from page_eyes import Blob, find, inside
 from playwright.sync_api import Browser, expect, sync_playwright
+from playwright.sync_api import TimeoutError as PageTimeout
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
@@ -51,8 +52,16 @@ SUCCEEDED = 0
 DATA_SET = "by-hand"
 WIDTHS, HEIGHT = (1280, 768, 390), 900  # of the page in an album
 _TRIES = 30  # of a click that the page refuses
+_DRAWS = 2  # of a box
+_NO_ANSWER = 4.0  # after which a click or a pull on the picture was taken for something else [s]
+_LOADING = 300  # looks at a page that has no picture yet
+_LOOK = 0.3  # until the page has begun what was asked [s]
 _ATTEMPTS = 8  # of a step that the arm does not carry through
 _REFUSAL = "#answer[data-ok=false]"  # its words may stand elsewhere on the page
+
+
+class Refused(AssertionError):
+    """The page does not do what is asked."""
 
 
 class Person(BrowserUser):
@@ -97,10 +106,15 @@ class Person(BrowserUser):
         self.page.locator("#state:is([data-state=ready], [data-state=failed])").wait_for(timeout=120_000)
 
     def picture(self) -> NDArray[np.uint8]:
-        """Return the picture of the live view, (H, W, 3) RGB."""
-        url = self.page.evaluate("document.getElementById('live').toDataURL('image/png')")
-        coded = np.frombuffer(base64.b64decode(url.split(",")[1]), np.uint8)
-        return np.ascontiguousarray(cv2.imdecode(coded, cv2.IMREAD_COLOR)[..., ::-1])
+        """Return the picture of the live view, (H, W, 3) RGB; a page that was just loaded has none for a moment."""
+        for _ in range(_LOADING):
+            url = self.page.evaluate("document.getElementById('live').toDataURL('image/png')")
+            coded = np.frombuffer(base64.b64decode(url.split(",")[1]), np.uint8)
+            picture = np.ascontiguousarray(cv2.imdecode(coded, cv2.IMREAD_COLOR)[..., ::-1])
+            if picture.any():
+                return picture
+            time.sleep(0.1)
+        raise AssertionError("the page shows no picture")
 
     def steps(self) -> int:
         return self.page.locator("#steps li").count()
@@ -126,7 +140,8 @@ class Person(BrowserUser):
         empty = [bowl for bowl in bowls if not any(inside(block, bowl) for block in blocks)]
         assert loose, "nothing is left to be picked, but the page did not call the step done"
         draw = self.point_at if by_clicks else self.draw_and_preview
-        can = draw(loose[0], empty[0], picture.shape, margins=(4, 0))
+        pairs = [(block, bowl) for bowl in empty for block in loose]
+        can = any(draw(block, bowl, picture.shape, margins=(4, 0)) for block, bowl in pairs)
         assert can, self.page.locator("#answer").text_content()
 
     def sweep_or_fold(self, primitive: str) -> None:
@@ -137,30 +152,44 @@ class Person(BrowserUser):
         self._begin_to_count()
         for attempt in range(_ATTEMPTS):
             picture = self.picture()
-            start, end = eyes.sweep(picture) if primitive == "sweep" else eyes.fold(picture, attempt)
+            start, end = (eyes.sweep if primitive == "sweep" else eyes.fold)(picture, attempt)
             if self.draw_and_preview(start, end, picture.shape, margins=(0, 0)) and self.act():
                 return
 
     def draw_and_preview(self, start: Blob, end: Blob, shape: tuple[int, ...], margins: tuple[float, float]) -> bool:
         """Draw both boxes, turn the fingers along either side of the thing; whether the arm can do it."""
-        self._until(lambda: self.draws("pick", start, shape, margins[0]))
-        self._until(lambda: self.draws("place", end, shape, margins[1]))
+        self._clear()
+        try:
+            self._until(lambda: self.draws("pick", start, shape, margins[0]), _DRAWS)
+            self._until(lambda: self.draws("place", end, shape, margins[1], away_from=start), _DRAWS)
+        except Refused as refusal:  # it is outside of the workspace, or has no depth
+            print(refusal, flush=True)
+            return False
         return any(self.can(start, shape, start.angle + turn) for turn in 2 * (0.0, math.pi / 2))
 
     def point_at(self, start: Blob, end: Blob, shape: tuple[int, ...], margins: tuple[float, float]) -> bool:
         """Click on the thing and on its place, and wait for the sign that the page shows; else draw both boxes."""
-        if self.page.locator("#clear").is_enabled():
-            self.page.locator("#clear").click()
+        self._clear()
         self._until(lambda: self.points("pick", start, shape))
         self._until(lambda: self.points("place", end, shape))
         mark = self.page.locator("#overlay .reach")
         mark.wait_for()
         return mark.and_(self.page.locator(".good")).count() > 0 or self.draw_and_preview(start, end, shape, margins)
 
+    def _clear(self) -> None:
+        """Take away what an earlier try has left."""
+        if self.page.locator("#clear").is_enabled():
+            self.page.locator("#clear").click()
+            expect(self.page.locator("#clear")).to_be_disabled()
+
     def points(self, end: str, blob: Blob, shape: tuple[int, ...]) -> bool:
-        """Click on something; whether the page draws the end around it."""
+        """Click on something; whether the page draws the end around it. It turns the fingers within their ring."""
         self.page.mouse.click(*self.pixel(blob.centre[1], blob.centre[0], shape))
-        return self._answered(f".end.{end} .end-words:has-text('points')")
+        try:
+            return self._answered(f".end.{end} .end-words:has-text('points')", _NO_ANSWER)
+        except PageTimeout:
+            self.page.locator(f".end.{end} .end-name").click()
+            return False
 
     def act(self) -> bool:
         """Let the arm do what was drawn, to its end; whether the page says of a new step that it succeeded."""
@@ -168,7 +197,7 @@ class Person(BrowserUser):
         self.remember("previewed")
         self.begin()
         begun = time.monotonic()
-        if self.album:
+        if self.album and not self._remembers("executing"):
             self.page.locator("#progress:not([hidden])").wait_for()
             time.sleep(2.0)
             self.remember("executing")
@@ -188,10 +217,12 @@ class Person(BrowserUser):
     def can(self, blob: Blob, shape: tuple[int, ...], angle: float) -> bool:
         """Turn the fingers, and ask whether the arm can do what is drawn."""
         self.turn(blob, shape, angle)
-        with suppress(TimeoutError):  # then what is said of a plan is said of this rotation
+        with suppress(PageTimeout):  # then what is said of a plan is said of this rotation
             self.page.locator("#overlay .reach").wait_for(timeout=3_000)
         self.is_free()
         self.page.locator("#preview").click()
+        time.sleep(_LOOK)  # the plan that is shown may still be the one before
+        self.is_free()
         return self._answered("#plan:not([hidden])") and "✓" in (self.page.locator("#plan").text_content() or "")
 
     def executes(self) -> bool:
@@ -206,12 +237,16 @@ class Person(BrowserUser):
             self.page.locator("#execute").click()
         return self._answered("#state:is([data-state=planning], [data-state=executing])")
 
-    def draws(self, end: str, blob: Blob, shape: tuple[int, ...], margin: float) -> bool:
-        """A box around something; whether the page takes it."""
+    def draws(self, end: str, blob: Blob, shape: tuple[int, ...], margin: float, away_from: Blob | None = None) -> bool:
+        """A box around something, drawn from its corner farthest from another; whether the page takes it."""
         (col, row), (wide, high) = blob.centre, blob.half
-        start = self.pixel(row - high - margin, col - wide - margin, shape)
-        self.pull(start, self.pixel(row + high + margin, col + wide + margin, shape))
-        return self._answered(f".end.{end} .end-words:has-text('points')")
+        other_col, other_row = away_from.centre if away_from is not None else (math.inf, math.inf)
+        right, down = math.copysign(wide + margin, col - other_col), math.copysign(high + margin, row - other_row)
+        self.pull(self.pixel(row + down, col + right, shape), self.pixel(row - down, col - right, shape))
+        try:
+            return self._answered(f".end.{end} .end-words:has-text('points')", _NO_ANSWER)
+        except PageTimeout:  # it was the ring's knob that was pulled
+            return False
 
     def turn(self, blob: Blob, shape: tuple[int, ...], angle: float) -> None:
         """Choose the pick and click beside its box, in a direction of the picture."""
@@ -220,9 +255,11 @@ class Person(BrowserUser):
         x, y = self.pixel(row, col, shape)
         self.page.mouse.click(x + 60 * math.cos(angle), y + 60 * math.sin(angle))
 
-    def end_episode(self, success: bool) -> None:
+    def end_episode(self, success: bool | None) -> None:
+        """End the episode and mark it; None: nobody judges it."""
         self.is_free()  # then there is a picture of the finished scene, which is recorded, too
-        self.page.locator("#success" if success else "#failure").click()
+        if success is not None:
+            self.page.locator("#success" if success else "#failure").click()
         self.page.locator("#next-episode").click()
         expect(self.page.locator("#steps li")).to_have_count(0)
 
@@ -243,7 +280,7 @@ class Person(BrowserUser):
 
     def remember(self, state: str) -> None:
         """Put a picture of the page into the album, where there is one and it lacks this."""
-        if self.album is None or (self.album / f"page_{state}.jpg").exists():
+        if self.album is None or self._remembers(state):
             return
         self.album.mkdir(parents=True, exist_ok=True)
         for width in reversed(WIDTHS):  # it is left as wide as it was
@@ -251,18 +288,22 @@ class Person(BrowserUser):
             name = f"page_{state}.jpg" if width == WIDTHS[0] else f"page_{state}_{width}.jpg"
             self.page.screenshot(path=self.album / name, type="jpeg", quality=80, full_page=width != WIDTHS[0])
 
-    def _until(self, act: Callable[[], bool]) -> None:
+    def _remembers(self, state: str) -> bool:
+        return self.album is not None and (self.album / f"page_{state}.jpg").exists()
+
+    def _until(self, act: Callable[[], bool], tries: int = _TRIES) -> None:
         """Try again what the page refuses: now and then a picture is too old, or a direction is no good."""
-        for _ in range(_TRIES):
+        for _ in range(tries):
             self.is_free()
             if act():
                 return
             time.sleep(0.3)
-        raise AssertionError(f"refused {_TRIES} times; the page says: {self.page.locator('#answer').text_content()}")
+        said = [words for words in self.page.locator("#answer, .end-words").all_text_contents() if words]
+        raise Refused(f"refused {tries} times; the page says: {'; '.join(said)}")
 
-    def _answered(self, granted: str) -> bool:
+    def _answered(self, granted: str, timeout: float | None = None) -> bool:
         """Wait for what the page shows when it does what was asked, or for its refusal; whether it was the former."""
-        self.page.locator(f"{granted}, {_REFUSAL}").first.wait_for(state="attached")
+        self.page.locator(f"{granted}, {_REFUSAL}").first.wait_for(state="attached", timeout=timeout and 1000 * timeout)
         return self.page.locator(granted).count() > 0
 
 

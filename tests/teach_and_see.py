@@ -4,7 +4,8 @@
     python tests/teach_and_see.py --out out/dry --demonstrations 4 --scenes 1 --minutes 1
 
 scores both shipped policies, starts `make teach`, demonstrates on new scenes, lets the page teach,
-loads what was learned and asks it on the same page, lets it make one step by one key, and scores it on the same scenes.
+loads what was learned and asks it on the same page, accepts some of its steps by one key each, and scores it on the
+same scenes.
 Minutes and scores are printed and written to OUT/report.json. Without `make`, as where the set-up is not to be touched:
 --launch starts the same launch file, with the data sets in OUT.
 """
@@ -22,6 +23,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import page_eyes as eyes
 from browser_user import chromium
@@ -33,8 +35,9 @@ ROOT = Path(__file__).resolve().parents[1]
 TASK, PRIMITIVE = "sweeping-piles", "sweep"
 SHIPPED = ("default", "multi-open-100")  # the one that `make teach` starts with, and the one that a lesson begins with
 START_S, LESSON_S, LOAD_S = 600.0, 4 * 3600.0, 300.0
-LEFT_OUTSIDE = 0.03  # share of the pile that may be outside of the square when it counts as swept
-MOST_SWEEPS = 8
+ASKED = 5  # steps that the policy draws on the page
+LEFT_OUTSIDE = 0.05  # share of the pile that may be outside of the square when it counts as swept
+REST = 1.0  # until the picture shows what the sweep has left [s]
 
 
 class Minutes:
@@ -52,8 +55,10 @@ class Minutes:
         print(f"{part}: {self.found[part]:g} min", flush=True)
 
 
-def score(checkpoint: str, options: argparse.Namespace, name: str) -> float:
-    """Return the mean score of a policy over the scenes."""
+def score(checkpoint: str, options: argparse.Namespace, name: str) -> float | None:
+    """Return the mean score of a policy over the scenes, None where there are to be none."""
+    if not options.scenes:
+        return None
     out = options.out / f"{name}.json"
     words = ["--checkpoint", checkpoint, "--task", TASK, "--split", "test", "--first-seed", "0"]
     command = ["ros2", "run", "cliport_benchmark", "evaluate", *words, "--episodes", str(options.scenes)]
@@ -68,7 +73,7 @@ def teaching(options: argparse.Namespace) -> Iterator[str]:
     if options.launch:
         sets = f"data_sets:={options.out.resolve() / 'sets'}"
         command = ["ros2", "launch", "cliport_bringup", "teach.launch.yaml", f"task:={TASK}", sets]
-        command += ["port:=0", "page_args:=--port 0"]
+        command += ["port:=0", f"real_time_factor:={options.speed:g}", "page_args:="]
     log = options.out / "teach.log"
     with log.open("w") as file:
         process = subprocess.Popen(command, cwd=ROOT, stdout=file, stderr=subprocess.STDOUT, start_new_session=True)
@@ -83,14 +88,25 @@ def teaching(options: argparse.Namespace) -> Iterator[str]:
         process.wait(60.0)
 
 
-def demonstrate(person: Person) -> None:
-    """Sweep a new scene's pile into the square, and end the episode."""
+def demonstrate(person: Person, most_sweeps: int) -> None:
+    """Sweep a new scene's pile into the square, and end the episode; it is not judged where sweeps run out."""
     new_scene(person)
-    for _ in range(MOST_SWEEPS):
+    swept = False
+    for _ in range(most_sweeps):
         person.sweep_or_fold(PRIMITIVE)
-        if eyes.share_outside(person.picture()) < LEFT_OUTSIDE:
+        time.sleep(REST)
+        swept = eyes.share_outside(person.picture()) < LEFT_OUTSIDE
+        if swept:
             break
-    person.end_episode(success=eyes.share_outside(person.picture()) < LEFT_OUTSIDE)
+    person.end_episode(success=True if swept else None)
+
+
+def recorded(person: Person) -> int:
+    """End what an interrupted run left unfinished; return how many demonstrations the page counts."""
+    if person.steps():
+        person.end_episode(success=None)
+    words = person.page.locator("#recorded", has_text="recorded").text_content() or ""
+    return int(words.split()[0])
 
 
 def new_scene(person: Person) -> None:
@@ -113,6 +129,8 @@ def teach(person: Person, minutes: float | None) -> list[list[str]]:
         page.locator("#lesson-minutes").fill(f"{minutes:g}")
     page.locator("#teach").click()
     page.locator("#lesson[data-state=running]").wait_for()
+    page.locator("#lesson-share[value], #lesson:not([data-state=running])").first.wait_for(timeout=1000 * LESSON_S)
+    person.remember("learning")
     page.locator("#lesson:not([data-state=running])").wait_for(timeout=1000 * LESSON_S)
     said = page.locator("#lesson-words").text_content()
     assert page.locator("#lesson").get_attribute("data-state") == "learned", said
@@ -120,34 +138,47 @@ def teach(person: Person, minutes: float | None) -> list[list[str]]:
     table = [rows.nth(n).locator("th, td").all_text_contents() for n in range(rows.count())]
     page.locator("#use-learned").click()
     page.locator("#lesson-policy", has_text="is loaded").wait_for(timeout=1000 * LOAD_S)
+    person.remember("learned")
     page.locator("#tab-record").click()
     return table
 
 
-def ask(person: Person) -> str:
-    """Ask the policy that was loaded about a new scene, and accept by one key; return what became of the step."""
+def ask(person: Person) -> dict[str, Any]:
+    """Let the policy that was loaded draw some steps in a new scene, accept each by one key; return what came of it."""
     new_scene(person)
+    person.executes_by_key = True
+    before, said = eyes.share_outside(person.picture()), list[str]()
     person.page.locator("#prefill").check()
-    person.page.locator(".end.place .end-words", has_text="the policy's position").wait_for(timeout=60_000)
-    person.remember("prefilled")
-    person.page.locator("#execute:not([disabled])").wait_for()
-    person.page.keyboard.press("e")
-    person.page.locator("#steps li").last.wait_for(timeout=120_000)
+    proposed = person.page.locator(".end.place .end-words", has_text="the policy's position")
+    failed = person.page.locator("#state[data-state=failed]")
+    for _ in range(ASKED):
+        proposed.or_(failed).first.wait_for(timeout=60_000)
+        if not proposed.count():
+            said.append(person.page.locator("#state-words").text_content() or "")
+            break
+        person.remember("prefilled")
+        said.append("succeeded" if person.act() else "not carried through")
+        if said[-1] != "succeeded":
+            break
     person.page.locator("#prefill").uncheck()
-    return person.page.locator("#steps li").last.text_content() or ""
+    after = eyes.share_outside(person.picture())
+    return {"steps": said, "outside_before": round(before, 3), "outside_after": round(after, 3)}
 
 
 def main() -> int:
     """Run it all."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--demonstrations", type=int, default=12)
-    parser.add_argument("--scenes", type=int, default=10)
+    parser.add_argument("--scenes", type=int, default=10, help="that are scored before and after; 0: none")
+    parser.add_argument("--sweeps", type=int, default=20, help="most of a demonstration; the task allows 20")
     parser.add_argument("--minutes", type=float, help="for training (default: what the page takes by itself)")
+    parser.add_argument("--data-set", help="of a run that was interrupted: it goes on with that, named as it was")
+    parser.add_argument("--speed", type=float, default=1.0, help="simulated seconds per second, with --launch")
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--launch", action="store_true", help="the launch file itself in place of make teach")
     options = parser.parse_args()
     options.out.mkdir(parents=True, exist_ok=True)
-    minutes, name = Minutes(), f"taught-{time.strftime('%Y%m%d-%H%M%S')}"
+    minutes, name = Minutes(), options.data_set or f"taught-{time.strftime('%Y%m%d-%H%M%S')}"
     with minutes.of("score before"):
         before = {checkpoint: score(checkpoint, options, f"before-{checkpoint}") for checkpoint in SHIPPED}
     with teaching(options) as address, sync_playwright() as driver, chromium(driver) as browser:
@@ -155,8 +186,8 @@ def main() -> int:
         person.sees("ready", timeout=START_S)
         person.open_data_set(name)
         with minutes.of("demonstrations"):
-            for number in range(options.demonstrations):
-                demonstrate(person)
+            for number in range(recorded(person), options.demonstrations):
+                demonstrate(person, options.sweeps)
                 print(f"demonstration {number + 1} of {options.demonstrations}", flush=True)
         with minutes.of("teach now"):
             table = teach(person, options.minutes)

@@ -48,10 +48,15 @@ def move(source: Path, target: Path) -> None:
 
 def replace_text(path: Path, text: str) -> None:
     """Replace a text file as a whole: a reader gets the old or the new one at any moment."""
+    replace_bytes(path, text.encode())
+
+
+def replace_bytes(path: Path, content: bytes) -> None:
+    """Replace a file as a whole, as `replace_text` does."""
     new = path.with_name(f".{path.name}.{secrets.token_hex(4)}{UNFINISHED}")  # two threads may write it at once
     try:
-        with new.open("w", encoding="utf-8") as file:
-            file.write(text)
+        with new.open("wb") as file:
+            file.write(content)
             file.flush()
             os.fsync(file.fileno())
         os.replace(new, path)

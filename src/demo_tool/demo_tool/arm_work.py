@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from typing import TypeVar
 
 from cliport_core.outcome import ActionResult, Outcome
@@ -114,10 +115,16 @@ class ArmWork:
         setup = setup_of(drawn.view, self._config)
         self._recorder.check(setup)
 
+        def on_change() -> None:
+            with self._bulletin.lock:
+                if motion.moved and self._motion is motion:
+                    self._hooks.film.begin()
+                self._bulletin.touch()
+
         def on_end(result: ActionResult) -> None:
             self._on_moved(motion, drawn, result)
 
-        motion = Motion(self._arm, goal_of(drawn, instruction), self._config, self._bulletin.touch, on_end)
+        motion = Motion(self._arm, goal_of(drawn, instruction), self._config, on_change, on_end)
         self.write_to_disk(lambda: self._recorder.begin_episode(setup))
         self._start(motion)
 
@@ -283,9 +290,11 @@ class ArmWork:
             self._hooks.on_rest()
             self._is_writing = True
             self._bulletin.touch()
+        self._hooks.film.end()
         self._run(lambda: self._write_step(MovedStep(drawn, motion.goal.instruction, result, words)))
 
     def _write_step(self, step: MovedStep) -> None:
+        step = replace(step, video=self._hooks.film.taken())
         failure, words = self._keeper.saved_or_why_not(step), step.words
         with self._bulletin.lock:
             self._is_writing = False

@@ -9,7 +9,10 @@ from typing import Any
 
 from cliport_episodes.data_set import DataSet, draw_statistics
 from cliport_episodes.edits import verdict_words
+from cliport_episodes.errors import EpisodeError
+from cliport_episodes.motion_video import read_frames, video_path
 from cliport_episodes.names import check_name
+from cliport_episodes.reader import Step
 from demo_tool.arguments import number_of, text_of
 from demo_tool.errors import CommandError, NotNowError
 from demo_tool.live_view import ColorImage
@@ -42,8 +45,14 @@ class Library:
 
     def picture(self, name: str, step: int, data_set: str | None = None) -> ColorImage:
         """Read the colour image (H, W, 3) RGB of a recorded step; data_set: None for the open one."""
-        source = self._open() if data_set is None else DataSet.open(self._root / check_name("data set", data_set))
-        return source.episode(name).step(step).observation().color
+        return self._source(data_set).episode(name).step(step).observation().color
+
+    def motion_picture(self, name: str, step: int, frame: int, data_set: str | None = None) -> bytes:
+        """Read a frame of the video of a recorded step's motion, a JPEG file; data_set: None for the open one."""
+        frames, _ = _motion_of(self._source(data_set).episode(name).step(step))
+        if frame >= len(frames):
+            raise NotNowError(f"step {step} of episode {name} has {len(frames)} frames of its motion")
+        return frames[frame]
 
     def statistics_png(self) -> bytes:
         """Draw the statistics as a PNG file; return its bytes."""
@@ -56,6 +65,9 @@ class Library:
         """Mark whether an episode reached its goal; return the answer to the page."""
         self._open().mark(name, success)
         return {"words": f"episode {name}: {verdict_words(success)}"}
+
+    def _source(self, data_set: str | None) -> DataSet:
+        return self._open() if data_set is None else DataSet.open(self._root / check_name("data set", data_set))
 
     def _open(self) -> DataSet:
         if self._recorder.data_set is None:
@@ -84,7 +96,7 @@ class Library:
             "name": episode.name,
             "success": episode.success,
             "complaints": list(episode.complaints),
-            "steps": [step_shown(step.record) for step in episode.steps],
+            "steps": [{**step_shown(step.record), **_motion_shown(step)} for step in episode.steps],
         }
 
     def _relabel(self, arguments: Mapping[str, Any]) -> dict[str, Any]:
@@ -136,6 +148,22 @@ class Library:
         self._recorder.list_data_sets()
         counts = ", ".join(f"{part.name}: {len(part.episodes())} episodes" for part in made.values())
         return {"words": f"{counts}; {data_set.name} stays as it is"}
+
+
+def _motion_of(step: Step) -> tuple[tuple[bytes, ...], float]:
+    """Return the frames of a step's motion, and the time between two of them [s]; none where there is no video."""
+    if step.record.result is None:  # one that was recorded before on the same picture
+        return (), 0.0
+    return read_frames(video_path(step.path.parent, step.record.stamp_ns))
+
+
+def _motion_shown(step: Step) -> dict[str, Any]:
+    """Return how many frames of a step's motion there are, and the time between two [ms]."""
+    try:
+        frames, period = _motion_of(step)
+    except EpisodeError:  # it is a help to the eye, and no part of the episode
+        frames, period = (), 0.0
+    return {"frames": len(frames), "frame_ms": round(1000 * period)}
 
 
 def _parts_of(arguments: Mapping[str, Any]) -> list[tuple[str, float]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import shutil
 import threading
 from collections.abc import Callable, Sequence
@@ -12,7 +13,8 @@ from cliport_episodes.capture_setup import CaptureSetup
 from cliport_episodes.data_set import DataSet
 from cliport_episodes.demonstration import NOT_MOVED, PixelBox, StepRecord
 from cliport_episodes.episode_folder import EPISODES
-from cliport_episodes.errors import EpisodeError, SetupDiffersError
+from cliport_episodes.errors import DiskError, EpisodeError, SetupDiffersError
+from cliport_episodes.motion_video import MotionVideo, video_path, write_video
 from cliport_episodes.names import check_name
 from cliport_episodes.raw import RawMessage
 from cliport_episodes.summary import EpisodeInfo
@@ -20,6 +22,7 @@ from cliport_episodes.writer import EpisodeWriter
 from demo_tool.errors import NotNowError, StationError
 from demo_tool.wording import outcome_words
 
+_LOG = logging.getLogger(__name__)
 _HISTORY = 20  # recent instructions that are kept
 _COVERED = 500  # latest steps whose places are shown
 
@@ -120,6 +123,16 @@ class Recorder:
             self._steps = (*self._steps, step_shown(record))
             self.remember(record.instruction)
             self._update_episode()
+
+    def add_video(self, stamp_ns: int, video: MotionVideo) -> None:
+        """Store the video of the motion of the step that was chosen on the picture of stamp_ns; it may be missing."""
+        with self._lock:
+            if self._writer is None:
+                return
+            try:
+                write_video(video_path(self._writer.path, stamp_ns), video)
+            except DiskError as error:
+                _LOG.warning("the motion's video is not kept: %s", error)
 
     def undo_step(self) -> None:
         """Undo the last step. Raises NotNowError when there is none."""

@@ -21,6 +21,7 @@ from demo_tool.home_watch import HomeWatch
 from demo_tool.lesson_process import LessonProcess
 from demo_tool.library import Library
 from demo_tool.live_view import ColorImage, LiveView
+from demo_tool.motion_film import MotionFilm
 from demo_tool.page_commands import Answer, Arguments, PageCommands
 from demo_tool.page_view import PageView
 from demo_tool.picture_feed import Picture, PictureFeed
@@ -72,6 +73,7 @@ class Station:
             on_rest=self._on_rest,
             policy_moves=lambda: self._policy_state == PolicyState.EXECUTING.name.lower(),
             is_home=lambda: self._home.is_home,
+            film=MotionFilm(self._feeds["color"]),
         )
         self._work = ArmWork(config, arm, policy, self._recorder, self._bulletin, run or WorkThread(), clock, hooks)
         self._page = PageCommands(
@@ -202,6 +204,10 @@ class Station:
     def episode_picture(self, name: str, step: int, data_set: str | None = None) -> ColorImage:
         """Return the colour image (H, W, 3) RGB of a recorded step. Raises StationError."""
         return _with_station_errors(lambda: self._library.picture(name, step, data_set))
+
+    def motion_picture(self, name: str, step: int, frame: int, data_set: str | None = None) -> bytes:
+        """Return a frame of the video of a recorded step's motion, a JPEG file. Raises StationError."""
+        return _with_station_errors(lambda: self._library.motion_picture(name, step, frame, data_set))
 
     def statistics_picture(self) -> bytes:
         """Return the open data set's statistics as a PNG file. Raises StationError."""

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from cliport_core.outcome import ActionResult
 from cliport_episodes.errors import EpisodesError
+from cliport_episodes.motion_video import MotionVideo
 from demo_tool.draft_desk import DrawnAction
 from demo_tool.errors import EXPECTED_ERRORS, NotNowError
 from demo_tool.recording import Recorder
@@ -16,12 +17,13 @@ from demo_tool.steps import record_of
 
 @dataclass(frozen=True)
 class MovedStep:
-    """A step that moved the arm; words: its result as a phrase."""
+    """A step that moved the arm; words: its result as a phrase; video: of its motion, where there is one."""
 
     drawn: DrawnAction
     instruction: str
     result: ActionResult
     words: str
+    video: MotionVideo | None = None
 
 
 class StepKeeper:
@@ -42,6 +44,8 @@ class StepKeeper:
             self.unsaved = step
             raise
         self.unsaved = None
+        if step.video is not None:
+            self._recorder.add_video(step.drawn.view.stamp_ns, step.video)
 
     def saved_or_why_not(self, step: MovedStep) -> str:
         """Record a step, whatever fails; return "", or a sentence for the page."""

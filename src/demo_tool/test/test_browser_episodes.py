@@ -11,6 +11,7 @@ from cliport_episodes.demonstration import Source
 from cliport_episodes.errors import DiskFullError
 from cliport_episodes.reader import read_episode
 from cliport_episodes.writer import EpisodeWriter
+from demo_tool import motion_film
 
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium on this machine")
 playwright = pytest.importorskip("playwright.sync_api", reason="no Chromium's driver (playwright) on this machine")
@@ -222,3 +223,26 @@ def test_nothing_is_wider_than_the_page(
     person.page.evaluate("window.scrollTo(0, document.body.scrollHeight)")
     assert stop is not None and stop == person.page.locator("#stop").bounding_box()
     person.leave()
+
+
+def test_the_motion_of_a_step_is_shown_beside_its_picture(person: Person, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(motion_film, "PERIOD", 0.05)
+    person.draw_both()
+    person.click("#execute")
+    until(lambda: steps(person.place), "recorded")
+    person.click("#success")
+    person.click("#next-episode")
+    person.click("#tab-episodes")
+    person.page.locator("#episode-table tbody tr button").first.click()
+    picture, slider = person.page.locator("#one-episode img"), person.page.locator(".motion input")
+    assert "/motion/" not in (picture.get_attribute("src") or "")
+    person.page.locator(".motion button", has_text="Motion").click()
+    last = int(slider.get_attribute("max") or 0)
+    assert last > 1
+    person.page.locator(f"#one-episode img[src$='/motion/{last - 1}.jpg']").wait_for()
+    person.page.locator(".motion button", has_text="▶").wait_for()
+    assert picture.evaluate("image => image.naturalWidth") == 320
+    slider.fill("1")
+    person.page.locator("#one-episode img[src$='/motion/0.jpg']").wait_for()
+    slider.fill("0")
+    person.page.locator("#one-episode img[src$='/0.jpg']:not([src*='/motion/'])").wait_for()

@@ -16,6 +16,8 @@ from demo_tool.errors import NotNowError
 from demo_tool.home_watch import HomeWatch
 from demo_tool.loss_watch import LossWatch
 from demo_tool.motion import Motion
+from demo_tool.motion_film import MotionFilm
+from demo_tool.picture_feed import PictureFeed
 from demo_tool.plan_approval import PlanApproval
 from demo_tool.ports import ACCEPTED, APPROVAL, OnAnswer, OnEnd, OnPhase
 from demo_tool.proposing import Proposals
@@ -206,7 +208,8 @@ class WayBack:
 
     def __init__(self, home: bool | None = False) -> None:
         self.arm, self.bulletin, self.home, self.rests = MuteArm(), Bulletin(), home, 0
-        hooks = StationHooks(lambda: None, self._rest, lambda: False, lambda: self.home)
+        film = MotionFilm(PictureFeed())
+        hooks = StationHooks(lambda: None, self._rest, lambda: False, lambda: self.home, film)
         self.recovery = Recovery(self.arm, StationConfig(), self.bulletin, hooks)
         self.recovery.begin(100.0)
 

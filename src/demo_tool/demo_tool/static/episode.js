@@ -1,5 +1,6 @@
 // One recorded episode: its steps as pictures, and what can be changed about it.
 
+import { motionControls } from "./motion.js";
 import { element, LONGEST_INSTRUCTION, press } from "./page.js";
 
 /** @import { Edit, Episode, Step } from "./protocol" */
@@ -64,14 +65,15 @@ export class EpisodeView {
   #stepParts(episode) {
     const { name, steps } = episode;
     const step = steps[this.#step];
-    const address = ["/episode", this.#dataSet, name, `${step.step}.jpg`].map((part, i) => i ? encodeURIComponent(part) : part);
-    const picture = element("img", { src: address.join("/"), alt: `The table before step ${step.step + 1}` });
+    const address = ["/episode", this.#dataSet, name, `${step.step}`].map((part, i) => i ? encodeURIComponent(part) : part).join("/");
+    const picture = element("img", { src: `${address}.jpg`, alt: `The table before step ${step.step + 1}` });
     const back = this.#button("‹ Before", () => this.#go(episode, -1), "", this.#step === 0);
     const on = this.#button("Next ›", () => this.#go(episode, 1), "", this.#step === steps.length - 1);
     const among = step.step === this.#step ? `of ${steps.length}` : `(${this.#step + 1} of the ${steps.length} that stay)`;
     const words = `Step ${step.step + 1} ${among}: ${step.outcome}${step.message ? ` (${step.message})` : ""}`;
     return [
       picture,
+      ...(step.frames ? [motionControls(picture, address, step)] : []),
       element("div", { className: "row wrap" }, back, element("span", {}, words), on),
       this.#relabel(name, step),
     ];

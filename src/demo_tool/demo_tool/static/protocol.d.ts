@@ -163,11 +163,17 @@ export interface EpisodeInfo {
   complaints: string[];
 }
 
+/** A recorded step; frames: how many pictures of its motion there are, one every frame_ms. */
+export interface RecordedStep extends Step {
+  frames: number;
+  frame_ms: number;
+}
+
 export interface Episode {
   name: string;
   success: boolean | null;
   complaints: string[];
-  steps: Step[];
+  steps: RecordedStep[];
 }
 
 export type Counts = Record<string, number>;

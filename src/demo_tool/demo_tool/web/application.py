@@ -55,6 +55,7 @@ def make_application(station: Station, rule: AccessRule) -> Starlette:
             Route("/stop", stop, methods=["POST"]),
             Route("/picture/{name}.jpg", pictures.live),
             Route("/episode/{data_set}/{name}/{step:int}.jpg", pictures.of_step),
+            Route("/episode/{data_set}/{name}/{step:int}/motion/{frame:int}.jpg", pictures.of_motion),
             Route("/statistics.png", pictures.statistics),
             WebSocketRoute("/session", Sessions(feed, commands, holder).serve),
             Mount("/static", StaticFiles(directory=STATIC)),

@@ -77,6 +77,11 @@ class Pictures:
 
         return await self._still(read, "image/jpeg")
 
+    async def of_motion(self, request: Request) -> Response:
+        """Answer GET /episode/{data_set}/{name}/{step}/motion/{frame}.jpg with a frame of a recorded step's motion."""
+        data_set, name, step, frame = (request.path_params[key] for key in ("data_set", "name", "step", "frame"))
+        return await self._still(lambda: self._station.motion_picture(name, step, frame, data_set), "image/jpeg")
+
     async def statistics(self, request: Request) -> Response:
         """Answer GET /statistics.png with the picture of the open data set's statistics."""
         return await self._still(self._station.statistics_picture, "image/png")
