@@ -25,6 +25,7 @@ from hardware_times import ROOT
 from rclpy.qos import qos_profile_sensor_data
 from ros_domain import next_domain
 from sensor_msgs.msg import JointState
+from std_srvs.srv import Trigger
 
 from cliport_benchmark.errors import BenchmarkError
 from cliport_benchmark.graph_client import GraphClient
@@ -108,7 +109,11 @@ def score(client: GraphClient, seed: int, alive: Callable[[], bool]) -> float:
     sentence = client.reset(TASK, "test", seed)
     time.sleep(1.0)
     try:
-        words = client.instruct_and_wait(sentence, PATIENCE, alive).message
+        ended = client.instruct_and_wait(sentence, PATIENCE, alive)
+        words = ended.message
+        if not ended.succeeded:  # so that the next scene begins with the arm out of view
+            recover = client._node.create_client(Trigger, topics.EXECUTOR_RECOVER)
+            words += f"; {client._call(recover, Trigger.Request(), 30.0).message}"
     except BenchmarkError as error:
         client.instruct("")
         words = str(error)
