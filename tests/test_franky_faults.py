@@ -24,6 +24,7 @@ from franky_table_server import read_log
 from hardware_times import ROOT
 from ros_domain import next_domain
 
+from cliport_core import topics
 from panda_driver.conformance.node_client import ArmClient, SentGoal
 from panda_driver.conformance.plan import small_motion
 from panda_driver.conformance.subject import Bounds, End
@@ -196,6 +197,9 @@ def test_a_driver_that_is_killed_leaves_an_arm_at_rest(bench: Bench) -> None:
     assert stop[0] < 1.0 and stop[1] < 0.05, stop
     bench.start_driver("driver2")
     bench.user.wait(lambda: "driving the fr3" in bench.processes.log("driver2"), WAIT)
+    heard = len(bench.user.joints)
+    alone = lambda: bench.user.node.count_publishers(topics.JOINT_STATES) == 1  # noqa: E731
+    bench.user.wait(lambda: len(bench.user.joints) > heard and alone(), WAIT)  # the killed one is forgotten
     bench.ready()
     bench.moves_again()
     note("driver killed", "", "start the driver again", stop)

@@ -1,7 +1,7 @@
 """The whole of put-blocks-in-bowls with an arm behind its own protocol: the simulator mirrors what that arm reports.
 
-SEEDS (10) scenes with franky-sim's arm under the driver, and the same with the simulator's own arm. What the mirrored
-fingers meet is told to the arm's server, whose own fingers stop there. The scores go to out/mixed_graph.json.
+SEEDS (10) scenes with franky-sim's arm under the driver, and the same with the simulator's own arm (ARMS). What the
+mirrored fingers meet is told to the arm's server, whose own fingers stop there. The scores go to out/mixed_graph.json.
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ from hardware_times import ROOT
 from rclpy.qos import qos_profile_sensor_data
 from ros_domain import next_domain
 from sensor_msgs.msg import JointState
+from std_srvs.srv import Trigger
 
 from cliport_benchmark.errors import BenchmarkError
 from cliport_benchmark.graph_client import GraphClient
@@ -34,6 +35,7 @@ from cliport_core.ros_running import SpinThread
 from sim_bridge.mirror import SQUEEZE
 
 TASK = "put-blocks-in-bowls-seen-colors"
+ARMS = os.environ.get("ARMS", "mixed plain").split()  # what is run; the other's scores are those of before
 SEEDS = int(os.environ.get("SEEDS", "10"))
 FIRST = int(os.environ.get("FIRST", "0"))
 OUT = ROOT / "out" / "mixed_graph.json"
@@ -107,7 +109,11 @@ def score(client: GraphClient, seed: int, alive: Callable[[], bool]) -> float:
     sentence = client.reset(TASK, "test", seed)
     time.sleep(1.0)
     try:
-        words = client.instruct_and_wait(sentence, PATIENCE, alive).message
+        ended = client.instruct_and_wait(sentence, PATIENCE, alive)
+        words = ended.message
+        if not ended.succeeded:  # so that the next scene begins with the arm out of view
+            recover = client._node.create_client(Trigger, topics.EXECUTOR_RECOVER)
+            words += f"; {client._call(recover, Trigger.Request(), 30.0).message}"
     except BenchmarkError as error:
         client.instruct("")
         words = str(error)
@@ -118,19 +124,27 @@ def score(client: GraphClient, seed: int, alive: Callable[[], bool]) -> float:
 
 @pytest.mark.timeout(7200)
 def test_an_arm_behind_its_protocol_does_the_task_as_well(tmp_path: Path) -> None:
+    found = json.loads(OUT.read_text()) if OUT.is_file() and len(ARMS) == 1 else {}
+    run = {"mixed": mixed_scores, "plain": lambda folder: scores(next_domain(), folder)}
+    OUT.parent.mkdir(exist_ok=True)
+    for arm in ARMS:
+        began = time.monotonic()
+        found[arm] = run[arm](tmp_path)
+        found[f"{arm}_wall_s"] = time.monotonic() - began
+        OUT.write_text(json.dumps(found, indent=1))
+    assert 100.0 * abs(np.mean(found["mixed"]) - np.mean(found["plain"])) <= POINTS, found
+
+
+def mixed_scores(folder: Path) -> list[float]:
+    """Run the scenes with an arm behind its own protocol; return their scores."""
     domain = next_domain()
-    processes = Processes(tmp_path, domain)
+    processes = Processes(folder, domain)
     arm = TableArm(processes, "--block", "-1.0", "1.0")
     driver = {"robot_ip": arm.address, "arm": "fr3", "realtime": False, "publish_clock": True, "use_sim_time": True}
     processes.node("driver", "panda_driver.node", heartbeat_timeout=5.0, stiffness=STIFFNESS, **driver)
     fingers = Fingers(domain, arm)
-    began = time.monotonic()
-    mixed = scores(domain, tmp_path, mirror=topics.JOINT_STATES, params=str(parameters(tmp_path)))
-    took = time.monotonic() - began
-    fingers.close()
-    processes.close()
-    plain = scores(next_domain(), tmp_path)
-    found = {"seeds": [FIRST, FIRST + SEEDS], "mixed": mixed, "plain": plain, "mixed_wall_s": took}
-    OUT.parent.mkdir(exist_ok=True)
-    OUT.write_text(json.dumps(found, indent=1))
-    assert 100.0 * abs(np.mean(mixed) - np.mean(plain)) <= POINTS, found
+    try:
+        return scores(domain, folder, mirror=topics.JOINT_STATES, params=str(parameters(folder)))
+    finally:
+        fingers.close()
+        processes.close()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time as clock
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -14,6 +15,7 @@ from panda_driver.ports import ArmState, HandState
 from panda_model.limits import FloatArray
 
 _INSTALL = "franky is not installed: run 'make setup EXTRAS=\"all driver\"'"
+CLEARED_S = 1.0  # after a recovery, for the states to say that the errors are gone, wall clock
 _STOPPED = {  # by the robot's mode: why it does not move
     "UserStopped": "the user stop is pressed: release it, then call ~/recover_errors",
     "Guiding": "the arm is being guided by hand: let go of its buttons",
@@ -126,6 +128,10 @@ class FrankyArm:
             done = self._robot.recover_from_errors()
         except self._errors as error:
             raise ArmFaultError(f"the errors stay: {_line(error)}") from None
+        deadline = clock.monotonic() + CLEARED_S
+        while not done and clock.monotonic() < deadline:  # franky looks at a state that may be of before
+            clock.sleep(0.01)
+            done = not self.read().fault
         if not done:
             raise ArmFaultError("the arm keeps its errors: look at the lights at its base, and in Desk")
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from panda_driver import franky_ports
 from panda_driver.errors import ArmFaultError, ConnectionFailedError, DriverError, HandFaultError
 from panda_driver.franky_ports import ArmSettings, FrankyArm, FrankyHand, load_franky
 
@@ -202,14 +203,17 @@ def test_an_arm_that_ends_its_control(franky: StandIn) -> None:
         arm.follow(np.zeros(7), np.zeros(7), np.zeros(7))
 
 
-def test_errors_are_cleared_or_stay(franky: StandIn) -> None:
+def test_errors_are_cleared_or_stay(franky: StandIn, monkeypatch: pytest.MonkeyPatch) -> None:
     arm = FrankyArm("h", ArmSettings())
     arm.begin()
     arm.recover()
     assert franky.calls[-1] == ("recover_from_errors",)
     arm.end()  # the control ended with the error
     assert franky.calls[-1] == ("recover_from_errors",)
-    franky.answers["recover_from_errors"] = False
+    franky.answers["recover_from_errors"] = False  # a state of before still says so
+    arm.recover()
+    franky.state.robot_mode.name = "Reflex"
+    monkeypatch.setattr(franky_ports, "CLEARED_S", 0.05)
     with pytest.raises(ArmFaultError, match="the arm keeps its errors: look at the lights"):
         arm.recover()
     franky.broken["recover_from_errors"] = RuntimeError("locked")

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 import threading
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,10 +17,12 @@ from sim_bridge.control.joint_trajectory_controller import JointTrajectoryContro
 from sim_bridge.control.trajectory_spline import Array
 from sim_bridge.panda import ArmState
 from sim_bridge.robot import HAND, ROBOT
+from sim_bridge.world import SimWorld
 
 SQUEEZE = 0.004  # by which the fingers are told to be nearer than reported: so they press on what is between them [m]
 _FORCE = 20.0  # [N]
 _MOST_STEPS = 12  # at once, so that other work on the thread has its turn
+_FAR = 0.5  # [s]
 _WAIT = 0.001  # until a report is looked for again [s]
 
 
@@ -38,12 +39,12 @@ class Reported:
 class Mirror:
     """Takes reports in any thread; stands in for a loop's pacer: simulated time follows the reports'.
 
-    Args:
-        clock: returns the simulation's time [s], which a scene that settles puts forward; step: of the simulation [s].
+    A world whose time is far behind, as at the start, is put there at once. One whose time is ahead, as after a scene
+    that settled, waits.
     """
 
-    def __init__(self, clock: Callable[[], float], step: float) -> None:
-        self._clock, self._step, self._lock = clock, step, threading.Lock()
+    def __init__(self, world: SimWorld) -> None:
+        self._world, self._lock = world, threading.Lock()
         self._newest: Reported | None = None
         self.arm, self.hand = MirroredArm(self), MirroredHand(self)
 
@@ -63,7 +64,11 @@ class Mirror:
         newest = self._newest
         if newest is None:
             return 0
-        return min(max(math.floor((newest.time - self._clock()) / self._step + 1e-6), 0), _MOST_STEPS)
+        behind = newest.time - self._world.time
+        if behind > _FAR:
+            self._world.skip(behind)
+            return 1
+        return min(max(math.floor(behind / self._world.dt + 1e-6), 0), _MOST_STEPS)
 
     def delay(self, now: float) -> float:
         """Return how long to wait before the next look [s]."""

@@ -61,7 +61,7 @@ class SimNode(Node):  # type: ignore[misc]
                 reuse_still=True,
             )
         )
-        mirror = Mirror(lambda: world.time, world.dt) if parameters.mirror else None
+        mirror = Mirror(world) if parameters.mirror else None
         self.loop = SimLoop(
             world,
             mirror.arm if mirror else JointTrajectoryController(ArmControllerConfig.for_arm(arm)),

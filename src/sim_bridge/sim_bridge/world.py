@@ -102,6 +102,10 @@ class SimWorld:
         pybullet.stepSimulation(physicsClientId=self.client)
         self._steps += 1
 
+    def skip(self, seconds: float) -> None:
+        """Let time go on without physics."""
+        self._steps += round(seconds * self.config.rate_hz)
+
     def settle(self) -> bool:
         """Run physics until every object rests or `max_settle_s` passed; return True if they rest.
 

@@ -45,15 +45,24 @@ def world() -> SimWorld:
 
 
 def test_arm_and_time_are_the_others(world: SimWorld) -> None:
-    mirror = Mirror(lambda: world.time, world.dt)
+    mirror = Mirror(world)
     assert mirror.due(0.0) == 0 and mirror.delay(0.0) > 0.0
     follow(world, mirror, reports(0.0, 2.0, 0.6, HAND.opening))
     assert world.time == pytest.approx(2.0, abs=world.dt)
     assert np.abs(world.panda.state().positions - ROBOT.ready - np.r_[0.6, np.zeros(6)]).max() < 0.003
 
 
+def test_a_world_that_is_far_behind_is_there_at_once_and_one_that_is_ahead_waits(world: SimWorld) -> None:
+    mirror = Mirror(world)
+    follow(world, mirror, reports(20.0, 0.1, 0.0, HAND.opening)[:1])
+    assert world.time == pytest.approx(20.0, abs=0.02)
+    world.skip(1.0)
+    follow(world, mirror, reports(20.1, 0.1, 0.0, HAND.opening))
+    assert world.time == pytest.approx(21.0, abs=0.02)
+
+
 def test_fingers_close_as_reported_and_stop_at_what_is_there(world: SimWorld) -> None:
-    mirror = Mirror(lambda: world.time, world.dt)
+    mirror = Mirror(world)
     follow(world, mirror, reports(0.0, 0.5, 0.0, HAND.opening))
     follow(world, mirror, reports(0.5, 1.0, 0.0, 0.05))
     assert world.panda.state().width == pytest.approx(0.05 - SQUEEZE, abs=0.002)
@@ -66,7 +75,7 @@ def test_fingers_close_as_reported_and_stop_at_what_is_there(world: SimWorld) ->
 
 
 def test_an_older_report_is_no_news(world: SimWorld) -> None:
-    mirror = Mirror(lambda: world.time, world.dt)
+    mirror = Mirror(world)
     new, old = reports(1.0, 0.02, 0.1, 0.08)[-1], reports(0.5, 0.02, 0.3, 0.02)[-1]
     mirror.report(new)
     mirror.report(old)
