@@ -115,6 +115,8 @@ def test_the_answers_of_an_episodes_life(bench) -> None:
         "source": "clicked",
         "outcome": "recorded without moving",
         "message": "",
+        "frames": 0,
+        "frame_ms": 0,
     }
     assert bench.do("episode", name=name) == {
         "name": name,
