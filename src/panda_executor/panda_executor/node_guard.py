@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from dataclasses import replace
 from typing import Any
@@ -26,6 +27,7 @@ from panda_executor.parameter_checks import not_negative, positive
 from panda_model.ros_parameters import declare_robot
 
 _PERIOD = 0.02  # [s]
+_SAY_AGAIN = 5.0  # between two times that the same line is said; the cancels go on [s]
 
 
 class GuardNode(Node):
@@ -50,6 +52,7 @@ class GuardNode(Node):
         self.create_subscription(JointState, topics.JOINT_STATES, self._on_joints, qos_profile_sensor_data)
         self._diagnostics = self.create_publisher(DiagnosticArray, topics.DIAGNOSTICS, 10)
         self._last: Fault | None = None
+        self._said, self._said_at = "", -math.inf
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(_PERIOD, self._tick, clock=steady)
         self.create_timer(1.0, self._report, clock=steady)
@@ -86,7 +89,14 @@ class GuardNode(Node):
         words = "all goals are cancelled at the controllers"
         if missing:
             words = f"cannot cancel at {', '.join(missing)}: no such service; use the arm's own stop"
-        self.get_logger().error(f"{fault.value}: {words}")
+        self._say(f"{fault.value}: {words}")
+
+    def _say(self, line: str) -> None:
+        """Log a line as an error; the same one no more often than each _SAY_AGAIN seconds."""
+        now = time.monotonic()
+        if line != self._said or now - self._said_at > _SAY_AGAIN:
+            self._said, self._said_at = line, now
+            self.get_logger().error(line)
 
     def _report(self) -> None:
         words = "watching" if self._last is None else f"last cancelled everything because {self._last.value}"

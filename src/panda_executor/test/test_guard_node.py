@@ -38,6 +38,14 @@ def test_it_says_which_cancel_it_cannot_send(ros: None, monkeypatch: pytest.Monk
     assert said == [
         f"the executor gives no sign of work done: cannot cancel at {services}: no such service; use the arm's own stop"
     ]
+    node._tick()
+    assert len(said) == 1, "the same line is not said twice in five seconds"
+    monkeypatch.setattr(node._guard, "tick", lambda now: Fault.JOINT_STATES_LOST)
+    node._tick()
+    assert len(said) == 2 and said[1].startswith("the joint states ended")
+    node._said_at -= 5.1
+    node._tick()
+    assert len(said) == 3 and said[2] == said[1]
     node.destroy_node()
 
 
