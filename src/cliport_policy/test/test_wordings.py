@@ -7,10 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
+from cliport_policy.config import TrainConfig
 from cliport_policy.data.demonstrations import load_demonstrations
 from cliport_policy.data.mixture import Mixture, Source, SourceSettings
 from cliport_policy.data.recolor import Recoloring
-from cliport_policy.data.wordings import SentenceGroup, share_wordings
+from cliport_policy.data.wordings import SentenceGroup, sentence_groups, share_wordings
 
 
 def _group(name: str, size: int, wanted: int) -> SentenceGroup:
@@ -42,3 +43,19 @@ def test_only_what_may_be_repainted_is(make_flat_set: Callable[..., Path], tmp_p
     mixture = Mixture([Source(data, 1.0, SourceSettings(recolor=False))])
     (sentence,) = mixture.instructions()
     assert Recoloring(mixture, True, np.random.default_rng(0)).sentences_of(sentence) == set()
+
+
+def test_each_data_sets_sentences_are_those_that_its_settings_allow(
+    make_flat_set: Callable[..., Path], tmp_path: Path
+) -> None:
+    data = load_demonstrations(make_flat_set(tmp_path / "data", 2))
+    still = SourceSettings(recolor=False, paraphrase=False)
+    mixture = Mixture([Source(data, 1.0, still), Source(data)])
+    (sentence,) = mixture.instructions()
+    config = TrainConfig(phrases_per_goal=7, mirror_probability=0.5)
+    recoloring = Recoloring(mixture, True, np.random.default_rng(0))
+    first, second = sentence_groups(mixture, recoloring, config)
+    assert first == SentenceGroup({sentence}, 0)
+    assert second.wanted == 7 and second.sentences == {sentence} | recoloring.sentences_of(sentence)
+    assert len(second.sentences) > 100
+    assert sentence_groups(mixture, None, config)[1] == SentenceGroup({sentence}, 7)

@@ -22,6 +22,7 @@ from panda_model import ArmModel
 from sim_bridge.conversions import joint_state_to_msg, time_to_msg
 
 _OLD_S = 0.25  # above this age of the states somebody is told
+_MOST_WAITING = 20  # states; further ones are left out while the publisher is held up
 
 
 class StatePublisher:
@@ -53,7 +54,7 @@ class StatePublisher:
         self._last_fault = state.fault
         now = time.monotonic()
         age = self._state_clock.age(state.time, now)
-        if age is None or now < self._due:
+        if age is None or now < self._due or self._taken.qsize() >= _MOST_WAITING:
             return
         self._due = max(self._due, now - self._period) + self._period  # a late turn does not make the next ones rarer
         self._taken.put(lambda: self._pass_on(state, age, now))
@@ -65,7 +66,7 @@ class StatePublisher:
 
     def _run(self) -> None:
         while (publish := self._taken.get()) is not None:
-            with suppress(InvalidHandle):  # the node ends
+            with suppress(RuntimeError, InvalidHandle):  # the node ends
                 publish()
 
     def _tell(self, fault: str) -> None:

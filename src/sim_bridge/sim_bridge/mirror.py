@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import threading
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -28,12 +28,16 @@ _WAIT = 0.001  # until a report is looked for again [s]
 
 @dataclass(frozen=True, eq=False)
 class Reported:
-    """Joint states of the other arm: its time [s], positions (7,) [rad], velocities (7,) [rad/s], full width [m]."""
+    """Joint states of the other arm.
+
+    time [s]; positions (7,) [rad]; velocities (7,) [rad/s]; width: between the fingers [m], None where nothing is said
+    of them, and they stay as they are.
+    """
 
     time: float
     positions: Array
     velocities: Array
-    width: float
+    width: float | None
 
 
 class Mirror:
@@ -56,8 +60,12 @@ class Mirror:
     def report(self, joints: Reported) -> None:
         """Take note of joint states."""
         with self._lock:
-            if self._newest is None or joints.time > self._newest.time:
-                self._newest = joints
+            if self._newest is not None and joints.time <= self._newest.time:
+                return
+            if joints.width is None:
+                known = HAND.opening if self._newest is None else self._newest.width
+                joints = replace(joints, width=known)
+            self._newest = joints
 
     def due(self, now: float) -> int:
         """Return the number of steps until the simulation's time is that of the newest report."""
@@ -100,5 +108,5 @@ class MirroredHand(GripperController):
     def update(self, time: float, state: ArmState) -> GripperCommand:  # type: ignore[override]
         """Return a width a little below the reported one."""
         newest = self._mirror.newest
-        width = HAND.opening if newest is None else newest.width - SQUEEZE
+        width = HAND.opening if newest is None or newest.width is None else newest.width - SQUEEZE
         return GripperCommand(max(width, 0.0), _FORCE)

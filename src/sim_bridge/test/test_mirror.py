@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from cliport_core import Pose
+from panda_model import load_preset
 from sim_bridge.mirror import SQUEEZE, Mirror, Reported
 from sim_bridge.objects import block_shape
 from sim_bridge.robot import HAND, ROBOT
@@ -80,3 +83,31 @@ def test_an_older_report_is_no_news(world: SimWorld) -> None:
     mirror.report(new)
     mirror.report(old)
     assert mirror.newest is new
+
+
+def test_fingers_of_which_nothing_is_said_stay(world: SimWorld) -> None:
+    mirror = Mirror(world)
+    states = reports(0.0, 0.04, 0.1, 0.03)
+    mirror.report(states[0])
+    mirror.report(replace(states[2], width=None))
+    assert mirror.newest is not None and (mirror.newest.time, mirror.newest.width) == (states[2].time, 0.03)
+
+
+def test_what_a_message_says_of_the_arm_whatever_else_it_holds() -> None:
+    """Joints in any order, among others; too little of it says nothing, and ends no callback."""
+    messages = pytest.importorskip("sensor_msgs.msg")
+    from sim_bridge.node_mirror import reported_from_msg
+
+    arm = load_preset()
+    names = [*reversed(arm.arm_joints), "wheel", *arm.finger_joints]
+    places = [0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.1, 9.0, 0.02, 0.01]
+    whole = messages.JointState(name=names, position=places, velocity=[10.0 * place for place in places])
+    found = reported_from_msg(whole, arm)
+    assert found is not None and found.width == pytest.approx(0.03)
+    np.testing.assert_allclose(found.positions, np.arange(1, 8) / 10.0)
+    np.testing.assert_allclose(found.velocities, np.arange(1, 8))
+    alone = messages.JointState(name=names[:8], position=places[:8], velocity=places[:8])
+    found = reported_from_msg(alone, arm)
+    assert found is not None and found.width is None
+    assert reported_from_msg(messages.JointState(name=names, position=places), arm) is None
+    assert reported_from_msg(messages.JointState(name=names[1:], position=places[1:], velocity=places[1:]), arm) is None

@@ -5,12 +5,30 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
+from cliport_policy.config import TrainConfig
+from cliport_policy.data.mirror import mirrored_sentences
+from cliport_policy.data.mixture import Mixture
+from cliport_policy.data.recolor import Recoloring
+
 
 class SentenceGroup(NamedTuple):
     """Sentences of one data set, and how many wordings each shall have beside itself."""
 
     sentences: set[str]
     wanted: int
+
+
+def sentence_groups(mixture: Mixture, recoloring: Recoloring | None, config: TrainConfig) -> list[SentenceGroup]:
+    """Return each data set's sentences, and what repainting and mirrors make of them, and the wordings it wants."""
+    groups = []
+    for source, own in zip(mixture.sources, mixture.instructions_by_source(), strict=True):
+        sentences = set(own)
+        if recoloring is not None and source.settings.recolor:
+            sentences.update(*map(recoloring.sentences_of, own))
+        if config.mirror_probability:
+            sentences.update(*[mirrored_sentences(sentence) for sentence in sentences])
+        groups.append(SentenceGroup(sentences, config.phrases_per_goal if source.settings.paraphrase else 0))
+    return groups
 
 
 def share_wordings(groups: Sequence[SentenceGroup], most: int) -> dict[str, int]:

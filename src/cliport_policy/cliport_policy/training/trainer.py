@@ -20,10 +20,9 @@ from cliport_policy.checkpoint import ANCHORS, Card, save_checkpoint
 from cliport_policy.config import TrainConfig
 from cliport_policy.data.batches import Phrasebook
 from cliport_policy.data.loader import THREADS, Loader, StepBatches
-from cliport_policy.data.mirror import mirrored_sentences
 from cliport_policy.data.mixture import Mixture, Source, SourceSettings
 from cliport_policy.data.recolor import Recoloring
-from cliport_policy.data.wordings import SentenceGroup, share_wordings
+from cliport_policy.data.wordings import sentence_groups, share_wordings
 from cliport_policy.errors import TrainingError
 from cliport_policy.language import ENCODER_NAME, TextEncoder
 from cliport_policy.named_configs import AnyNetworkConfig
@@ -220,15 +219,8 @@ class Trainer:
         if config.recolor != "none":
             surveyed = config.recolor == "surveyed"
             recoloring = Recoloring(self.data, surveyed, np.random.default_rng((config.seed, 2)))
-        groups = []
-        for source, sentences in zip(self.data.sources, self.data.instructions_by_source(), strict=True):
-            if recoloring is not None and source.settings.recolor:
-                sentences |= set().union(*map(recoloring.sentences_of, sentences))
-            if config.mirror_probability:
-                sentences |= set().union(*map(mirrored_sentences, sentences))
-            wanted = config.phrases_per_goal if source.settings.paraphrase else 0
-            groups.append(SentenceGroup(sentences, wanted))
-        return recoloring, Phrasebook(share_wordings(groups, MAX_PHRASES), np.random.default_rng((config.seed, 1)))
+        wordings = share_wordings(sentence_groups(self.data, recoloring, config), MAX_PHRASES)
+        return recoloring, Phrasebook(wordings, np.random.default_rng((config.seed, 1)))
 
     def _anchor_vectors(self, phrasebook: Phrasebook) -> Tensor:
         """Return anchors of this training and of its initial checkpoint, whose sentences must not be refused now."""
