@@ -1,4 +1,4 @@
-"""Many cycles through the graph in a simulator faster than real time: no crash, no growth, no slowing, nothing left in shared memory.
+"""Many cycles through the graph, faster than real time: no crash, growth or slowing, nothing left in shared memory.
 
 `make soak PYTEST_ARGS=tests/test_cycles.py` runs this, with CYCLES=10 before it fewer.
 """
