@@ -163,9 +163,10 @@ def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Workplace]:
 
 @pytest.fixture
 def place(served: Workplace, request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Workplace:
-    """A workplace with a data set of the test's own."""
+    """A workplace with a data set of the test's own, and of this attempt of it."""
     monkeypatch.setattr(arm_holder, "GONE_AFTER_S", 0.0)  # the page of the test before is gone
-    served.begin_anew(re.sub(r"\W", "-", request.node.name))
+    attempt = getattr(request.node, "execution_count", 1)
+    served.begin_anew(re.sub(r"\W", "-", request.node.name) + (f"-{attempt}" if attempt > 1 else ""))
     return served
 
 

@@ -178,8 +178,7 @@ def test_data_sets_are_split_and_merged(person: Person) -> None:
         person.draw_both()
         person.click("#record-only")
         person.page.locator("#steps li").wait_for()
-        person.click("#next-episode")
-        until(lambda: not steps(person.place), "saved")
+        person.end_episode()
     name = person.place.station.view(None)["data_set"]
     person.click("#tab-episodes")
     person.page.get_by_label("Per cent of part 1").fill("50")

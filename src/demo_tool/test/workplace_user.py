@@ -45,6 +45,13 @@ class Person(BrowserUser):
     def goal(self) -> list[int]:
         return self.place.table.box_at(0.5, -0.02)
 
+    def end_episode(self) -> None:
+        """End the episode, and wait until the page shows the next one, on which nothing is drawn."""
+        self.click("#next-episode")
+        self.page.locator("#steps li").first.wait_for(state="hidden")
+        for end in ("pick", "place"):
+            self.page.locator(f".end.{end} .end-words", has_text="points").wait_for(state="hidden")
+
     def words(self, end: str, text: str) -> None:
         """Wait until something is said of the pick or the place."""
         self.page.locator(f".end.{end} .end-words", has_text=text).wait_for()
