@@ -39,7 +39,7 @@ TORQUE_RATE = 1000.0  # that a real arm takes without an error [N m/s], libfrank
 PLACE_ERROR = 0.01  # of the block from where it should be [m]
 SPAN = 0.01  # over which accelerations are measured [s]
 
-pytestmark = pytest.mark.soak
+pytestmark = [pytest.mark.soak, pytest.mark.timeout(12 * 3600)]
 
 
 @pytest.fixture
