@@ -39,7 +39,7 @@ FR3 = load_preset("fr3")
 BLOCK_SIZE = 0.04  # of the server's block [m]
 PATIENCE = 600.0  # for one goal, wall clock [s]: the simulated arm may run at a tenth of real time
 # The simulated joints rub with up to 1.1 N m, which its server does not compensate as an arm's own controller does.
-STIFFNESS = [1200.0, 1200.0, 1200.0, 1200.0, 500.0, 300.0, 100.0]  # twice the driver's default [N m/rad]
+STIFFNESS = [1200.0, 1200.0, 1200.0, 1200.0, 250.0, 150.0, 50.0]  # twice the default but for the wrist [N m/rad]
 _CAMERA = "camera_color_optical_frame"
 _OWNER = "franky_bench"
 _STEP = 0.004  # between two points of the cloud [m]

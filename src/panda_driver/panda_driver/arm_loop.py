@@ -12,6 +12,7 @@ import numpy as np
 
 from panda_driver.errors import ArmFaultError, DriverError
 from panda_driver.ports import ArmPort, ArmState
+from panda_driver.thread_priority import put_this_thread_first
 from sim_bridge.control.arm_reflex import ArmControllerConfig
 from sim_bridge.control.joint_trajectory_controller import (
     ErrorCode,
@@ -199,6 +200,7 @@ class ArmLoop:
             asked.set_result(None)
 
     def _run(self) -> None:
+        put_this_thread_first()
         try:
             while not self._stopping.is_set():
                 begin = clock.monotonic()
