@@ -59,7 +59,7 @@ class ArmLoop:
         self._recovery: Future[None] | None = None
         self._ended = ""  # by which error the loop ended
         self._stopping = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="arm", daemon=True)
+        self._thread = threading.Thread(target=self._run_first, name="arm", daemon=True)
 
     def start_thread(self) -> None:
         """Begin to drive."""
@@ -199,8 +199,11 @@ class ArmLoop:
             self._fault = ""
             asked.set_result(None)
 
-    def _run(self) -> None:
+    def _run_first(self) -> None:
         put_this_thread_first()
+        self._run()
+
+    def _run(self) -> None:
         try:
             while not self._stopping.is_set():
                 begin = clock.monotonic()
