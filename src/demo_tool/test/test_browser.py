@@ -220,6 +220,20 @@ def test_letters_press_the_buttons_that_name_them(person: Person) -> None:
     )
 
 
+def test_a_box_to_tick_takes_neither_the_space_bar_nor_the_letters(person: Person) -> None:
+    person.draw_both()
+    person.page.focus("#prefill")
+    person.press("r")
+    until(lambda: steps(person.place), "the letter records the step")
+    person.press("Space")
+    person.sees("stopped")
+    assert not person.page.is_checked("#prefill")
+    person.press("Enter")
+    assert person.page.is_checked("#prefill")
+    person.press("Enter")
+    assert not person.page.is_checked("#prefill")
+
+
 def test_the_space_bar_stops_from_a_button_and_types_in_a_text(person: Person) -> None:
     person.page.focus("#instruction")
     person.page.fill("#instruction", "put")

@@ -132,11 +132,14 @@ export function askFirst(control, question, act) {
   });
 }
 
+const WITHOUT_TEXT = ["checkbox", "range"];
+
 /**
  * Whether keys are text here.
  * @param {EventTarget | null} node
  * @returns {node is HTMLInputElement | HTMLTextAreaElement | HTMLSelectElement}
  */
 export function isTextField(node) {
-  return node instanceof HTMLInputElement || node instanceof HTMLTextAreaElement || node instanceof HTMLSelectElement;
+  if (node instanceof HTMLInputElement) return !WITHOUT_TEXT.includes(node.type);
+  return node instanceof HTMLTextAreaElement || node instanceof HTMLSelectElement;
 }
