@@ -121,14 +121,15 @@ class Person(BrowserUser):
 
     def pick_and_place(self, by_clicks: bool = False) -> None:
         """One step: a red thing that is in no bowl into a green one that is empty; again where the arm failed."""
-        self._begin_to_count()
+        self.begin_to_count()
         self.executes_by_key = by_clicks
         for _ in range(_ATTEMPTS):
             self.draw_a_step(by_clicks)
             if self.act():
                 return
 
-    def _begin_to_count(self) -> None:
+    def begin_to_count(self) -> None:
+        """Count pointer actions and seconds of a step from here on."""
         now = time.monotonic()
         self._effort = Effort(self.pointer_actions, now, now)
 
@@ -149,7 +150,7 @@ class Person(BrowserUser):
         button = self.page.locator(f"#primitive [data-primitive={primitive}]")
         button.click()
         expect(button).to_have_attribute("aria-pressed", "true")
-        self._begin_to_count()
+        self.begin_to_count()
         for attempt in range(_ATTEMPTS):
             picture = self.picture()
             start, end = (eyes.sweep if primitive == "sweep" else eyes.fold)(picture, attempt)

@@ -152,6 +152,7 @@ def ask(person: Person) -> dict[str, Any]:
     proposed = person.page.locator(".end.place .end-words", has_text="the policy's position")
     failed = person.page.locator("#state[data-state=failed]")
     for _ in range(ASKED):
+        person.begin_to_count()
         proposed.or_(failed).first.wait_for(timeout=60_000)
         if not proposed.count():
             said.append(person.page.locator("#state-words").text_content() or "")
