@@ -67,8 +67,7 @@ def test_a_thousand_cycles_leave_the_graph_as_it_was(tmp_path: Path) -> None:
 def write(found: dict[str, object], seconds: list[float]) -> None:
     """Write what is known so far: a run takes hours, and may be cut off."""
     OUT.parent.mkdir(exist_ok=True)
-    OUT.write_text(json.dumps({**found, "seconds": [round(value, 2) for value in seconds]}, indent=1) + "
-")
+    OUT.write_text(json.dumps({**found, "seconds": [round(value, 2) for value in seconds]}, indent=1) + "\n")
 
 
 def shared_files() -> set[str]:
