@@ -15,6 +15,7 @@ import pytest
 from graph_probe import GraphProbe
 from hardware_times import ROOT
 from ros_domain import next_domain
+from shared_memory import is_used, shared_files
 
 from cliport_benchmark.graph_process import GraphProcess
 
@@ -25,7 +26,6 @@ FASTER = float(os.environ.get("FASTER", "2"))  # than real time; at 20 no pictur
 GROWTH_MB = 20.0  # of a process after the first tenth, at most
 SLOWER = 1.05  # the last tenth than the first, at most
 ENOUGH = 100  # cycles from which on the pace says anything
-SHARED = Path("/dev/shm")
 OUT = ROOT / "out" / "cycles.json"
 
 pytestmark = [pytest.mark.soak, pytest.mark.timeout(12 * 3600)]
@@ -68,23 +68,6 @@ def write(found: dict[str, object], seconds: list[float]) -> None:
     """Write what is known so far: a run takes hours, and may be cut off."""
     OUT.parent.mkdir(exist_ok=True)
     OUT.write_text(json.dumps({**found, "seconds": [round(value, 2) for value in seconds]}, indent=1) + "\n")
-
-
-def shared_files() -> set[str]:
-    return {path.name for path in SHARED.iterdir()}
-
-
-def is_used(name: str) -> bool:
-    """Return whether a process that lives has a file of shared memory mapped or open: it is another graph's."""
-    path = f"{SHARED}/{name}"
-    for process in Path("/proc").iterdir():
-        if process.name.isdigit():
-            try:
-                if path in (process / "maps").read_text() or path in map(os.readlink, (process / "fd").iterdir()):
-                    return True
-            except OSError:  # it has ended, or is somebody else's
-                continue
-    return False
 
 
 def resident_mb(pid: int) -> float:

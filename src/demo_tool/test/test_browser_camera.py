@@ -38,6 +38,17 @@ def test_a_silent_camera_is_announced_and_not_counted_aloud(person: Person) -> N
     assert not any(" s old" in words or " for " in words for words in announced)
 
 
+def test_enter_ticks_that_the_hand_moves_and_does_not_begin(person: Person) -> None:
+    person.click("#tab-camera")
+    person.page.focus("#calibration-move")
+    person.press("Enter")
+    assert person.page.is_checked("#calibration-move")
+    person.press("Space")
+    person.sees("stopped")
+    assert person.page.is_checked("#calibration-move")
+    assert not person.place.calibrations.begun
+
+
 def test_the_camera_is_calibrated_beside_its_picture(person: Person) -> None:
     page, calibrations = person.page, person.place.calibrations
     person.click("#tab-camera")

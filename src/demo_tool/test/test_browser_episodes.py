@@ -245,3 +245,6 @@ def test_the_motion_of_a_step_is_shown_beside_its_picture(person: Person, monkey
     person.page.locator("#one-episode img[src$='/motion/0.jpg']").wait_for()
     slider.fill("0")
     person.page.locator("#one-episode img[src$='/0.jpg']:not([src*='/motion/'])").wait_for()
+    slider.focus()
+    person.press("Space")
+    person.sees("stopped")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
 from concurrent.futures import Future
 
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 from fake_franka import ARM, FakeArm
 
+from panda_driver import arm_loop
 from panda_driver.arm_loop import HOLD_S, LATE_S, ArmLoop
 from panda_driver.errors import ArmFaultError, ConnectionFailedError
 from panda_driver.ports import ArmState
@@ -178,6 +180,14 @@ def test_a_reflex_aborts_and_refuses_until_the_errors_are_cleared(bench: Bench) 
     bench.turn(lambda: not bench.loop.state.fault)
     bench.loop.stop_thread()
     assert bench.arm.closed
+
+
+def test_its_own_thread_comes_first_and_no_other(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    first: list[str] = []
+    monkeypatch.setattr(arm_loop, "put_this_thread_first", lambda: first.append(threading.current_thread().name))
+    bench.loop.start_thread()
+    bench.loop.stop_thread()
+    assert first == ["arm"]
 
 
 def test_errors_are_not_cleared_while_the_arm_is_controlled(bench: Bench) -> None:

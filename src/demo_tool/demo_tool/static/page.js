@@ -132,7 +132,7 @@ export function askFirst(control, question, act) {
   });
 }
 
-const WITHOUT_TEXT = ["checkbox", "range"];
+const WITHOUT_TEXT = ["checkbox", "range"]; // types of input
 
 /**
  * Whether keys are text here.
