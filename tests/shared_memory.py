@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 
 SHARED = Path("/dev/shm")
+_MUTEX = re.compile(r"sem\.(?P<port>.+)_mutex")
 
 
 def shared_files() -> set[str]:
@@ -16,8 +18,12 @@ def shared_files() -> set[str]:
 
 
 def is_used(name: str) -> bool:
-    """Return whether a process that lives, this one too, has a file of shared memory mapped or open."""
-    path = f"{SHARED}/{name}"
+    """Return whether a process that lives, this one too, has a file of shared memory mapped or open.
+
+    The mutex of Fast DDS's port is open for moments alone: it is used as long as its port is.
+    """
+    mutex = _MUTEX.fullmatch(name)
+    path = f"{SHARED}/{mutex['port'] if mutex else name}"
     processes = (process for process in Path("/proc").iterdir() if process.name.isdigit())
     return any(path in _mapped(process) or path in _open(process) for process in processes)
 

@@ -132,6 +132,8 @@ def test_an_arm_behind_its_protocol_does_the_task_as_well(tmp_path: Path) -> Non
         found[arm] = run[arm](tmp_path)
         found[f"{arm}_wall_s"] = time.monotonic() - began
         OUT.write_text(json.dumps(found, indent=1))
+    if missing := {"mixed", "plain"} - found.keys():
+        pytest.skip(f"ran {ARMS} alone, which nothing is there to compare with: run with ARMS={' '.join(missing)} too")
     assert 100.0 * abs(np.mean(found["mixed"]) - np.mean(found["plain"])) <= POINTS, found
 
 

@@ -33,3 +33,10 @@ def test_what_is_mapped_alone_is_used(file: Path):
     assert is_used(file.name)
     memory.close()
     assert not is_used(file.name)
+
+
+def test_a_mutex_is_used_as_long_as_its_port(file: Path):
+    mutex = f"sem.{file.name}_mutex"
+    with file.open("rb"):
+        assert is_used(mutex)
+    assert not is_used(mutex)
