@@ -18,6 +18,7 @@ from panda_model.limits import FloatArray
 _BELOW_LOAD = 0.02  # what lies so far below what is held is neither hand nor load [m]
 _TOLERANCE = 0.01  # what rose or moved by less stands where it stood [m]
 _SUNK = 0.015  # a cell that is lower by this much does not support any more [m]
+_SQUARE = np.ones((2, 2))  # cells that a thing fills at least
 _MIN_CELLS = 8  # of the support that must be seen; fewer prove nothing
 
 
@@ -39,7 +40,7 @@ def place_problem(
     limit = float((held.points @ rotation[2]).min() + translation[2]) - _BELOW_LOAD
     low = cloud[cloud[:, 2] < limit]  # NaN compares false
     seen = ObstacleGrid.from_cloud(low, workspace, scene.table_z + scene.floor, scene.grid_cell)
-    risen = _risen(plan.go_above.scene.grid, seen)
+    risen = _solid(_risen(plan.go_above.scene.grid, seen))
     if risen.highest > 0.0:
         try:
             motions.among(plan.lower, risen)
@@ -58,6 +59,15 @@ def _risen(before: ObstacleGrid, now: ObstacleGrid) -> ObstacleGrid:
     around = ndimage.maximum_filter(before.heights, size=2 * reach + 1)
     new = now.heights > np.maximum(around, 0.0) + _TOLERANCE
     return replace(now, heights=np.where(new, now.heights, EMPTY), seen=None, cameras=())
+
+
+def _solid(grid: ObstacleGrid) -> ObstacleGrid:
+    """Return the columns but for those in no square of risen ones.
+
+    At the hand's edge a pixel that is half hand, half table seems to fly between them.
+    """
+    filled = ndimage.binary_opening(grid.heights > EMPTY, _SQUARE)
+    return replace(grid, heights=np.where(filled, grid.heights, EMPTY))
 
 
 def _sunk_share(plan: PickPlacePlan, now: ObstacleGrid, motions: MotionBuilder) -> float:

@@ -48,6 +48,28 @@ def test_a_column_has_risen_when_it_is_a_centimetre_higher_than_all_near_it(plan
     assert risen.seen is None and risen.cameras == ()
 
 
+@pytest.mark.parametrize(
+    ("columns", "problem"),
+    [([(0, 0)], False), ([(0, column) for column in range(8)], False), ([(0, 0), (0, 1), (1, 0), (1, 1)], True)],
+    ids=["one", "a row", "a square"],
+)
+def test_pixels_that_fly_at_the_hands_edge_are_nothing_that_came(
+    plan: PickPlacePlan,
+    planner: TransferPlanner,
+    workspace: WorkspaceSpec,
+    columns: list[tuple[int, int]],
+    problem: bool,
+) -> None:
+    grid = plan.lower.scene.grid
+    row, column = int((PLACE.y - grid.y_min) / grid.cell), int((PLACE.x - grid.x_min) / grid.cell)
+    x = grid.x_min + grid.cell * np.array([column + dx + 0.5 for _, dx in columns])
+    y = grid.y_min + grid.cell * np.array([row + dy + 0.5 for dy, _ in columns])
+    flying = np.stack([x, y, np.full(len(columns), 0.1)], axis=1).astype(np.float32)
+    came = seen_cloud(cube_points(PLINTH), np.repeat(flying, 2, axis=0))
+    found = place_problem(plan, came, workspace, plan.lower.trajectory.positions[0], planner.motions)
+    assert (found is not None) == problem
+
+
 def under(plan: PickPlacePlan, planner: TransferPlanner) -> tuple[np.ndarray, np.ndarray]:
     """Return rows and columns of the cells under what is let go."""
     held, grid = plan.lower.scene.hand.held, plan.lower.scene.grid
