@@ -55,6 +55,7 @@ _TRIES = 30  # of a click that the page refuses
 _DRAWS = 2  # of a box
 _NO_ANSWER = 4.0  # after which a click or a pull on the picture was taken for something else [s]
 _LOADING = 300  # looks at a page that has no picture yet
+_REPORT = 2.5  # until the executor has said what the hand holds [s]
 _LOOK = 0.3  # until the page has begun what was asked [s]
 _ATTEMPTS = 8  # of a step that the arm does not carry through
 _REFUSAL = "#answer[data-ok=false]"  # its words may stand elsewhere on the page
@@ -127,6 +128,15 @@ class Person(BrowserUser):
             self.draw_a_step(by_clicks)
             if self.act():
                 return
+            self.let_go()
+
+    def let_go(self) -> None:
+        """Open the hand where a step that failed has left something in it."""
+        held = self.page.locator("#held")
+        with suppress(PageTimeout):
+            held.wait_for(timeout=1000 * _REPORT)
+            self.page.locator("#open-hand").click()
+            held.wait_for(state="hidden")
 
     def begin_to_count(self) -> None:
         """Count pointer actions and seconds of a step from here on."""

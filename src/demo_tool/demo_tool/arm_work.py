@@ -130,11 +130,19 @@ class ArmWork:
 
     def recover(self) -> None:
         """Move the arm back to its ready pose."""
+        self._without_goal(lambda: self.recovery.begin(self._clock()))
+
+    def open_hand(self) -> None:
+        """Let go what the hand holds, where it is."""
+        self._without_goal(self.recovery.open_hand)
+
+    def _without_goal(self, begin: Callable[[], None]) -> None:
+        """Call what begins a motion that has no goal, once the arm is free for it."""
         self.refuse_motion()
         with self._bulletin.lock:
             self.refuse_when_busy()
             self._refuse_when_arm_is_taken()
-            self.reach.give_way(lambda: self.recovery.begin(self._clock()), self._clock())
+            self.reach.give_way(begin, self._clock())
 
     def record(self, drawn: DrawnAction, instruction: str) -> str:
         """Record the step without moving the arm; return a sentence for the page."""

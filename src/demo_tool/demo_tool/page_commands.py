@@ -78,7 +78,8 @@ class PageCommands:
             "clear": self._clear,
             "preview": self._preview,
             "execute": self._execute,
-            "recover": self._recover,
+            "recover": lambda _: _begun(self._work.recover),
+            "open_hand": lambda _: _begun(self._work.open_hand),
             "record": self._record,
             "undo": self._undo,
             "restore_step": self._restore_step,
@@ -166,10 +167,6 @@ class PageCommands:
 
     def _approve(self, arguments: Arguments) -> Answer:
         self._work.approval.approve(text_of(arguments, "plan"), self._clock())
-        return {}
-
-    def _recover(self, _: Arguments) -> Answer:
-        self._work.recover()
         return {}
 
     def _record(self, arguments: Arguments) -> Answer:
@@ -271,6 +268,11 @@ class PageCommands:
 
 def _answer(text: str) -> Answer:
     return {"words": text}
+
+
+def _begun(begin: Callable[[], None]) -> Answer:
+    begin()
+    return {}
 
 
 def _drawn(which: str, ok: bool, words: str) -> Answer:

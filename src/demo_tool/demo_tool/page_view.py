@@ -60,6 +60,7 @@ class PageView:
             "progress": progress,
             "approval": self._work.approval.shown(),
             "away": self._work.recovery.is_needed,
+            "held_width": self._work.recovery.held_width,
             "data_set": self._recorder.data_set_name,
             "recorded": self._recorder.recorded,
             "covered": self._recorder.covered,

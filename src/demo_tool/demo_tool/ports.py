@@ -54,6 +54,12 @@ class Arm(Protocol):
         on_answer: told whether that has begun; on_end: told, if it has, once the executor does nothing any more.
         """
 
+    def open_hand(self, on_answer: OnAnswer) -> None:
+        """Begin to open the hand where it is; on_answer: told whether that has begun."""
+
+    def held_width(self) -> float | None:
+        """Return how wide is what the hand holds [m], as the executor said last; None where that is nothing."""
+
     def is_busy(self) -> bool:
         """Return True if the executor said last that it does something, for whomever."""
 

@@ -1,4 +1,4 @@
-"""The way of the arm back to its ready pose, from the request to its end, with every wait bounded."""
+"""The way of the arm back to its ready pose, from the request to its end, with every wait bounded; and letting go."""
 
 from __future__ import annotations
 
@@ -33,6 +33,15 @@ class Recovery:
             return False
         return self._run is not None or not (self._arm.is_busy() or self._hooks.policy_moves())
 
+    @property
+    def held_width(self) -> float | None:
+        """Width of what the hand still holds while the arm does nothing [m]; None where that is nothing."""
+        return None if self._arm.is_busy() else self._arm.held_width()
+
+    def open_hand(self) -> None:
+        """Let go what the hand holds; to be called with the lock held, while nothing else goes on."""
+        self._arm.open_hand(self._on_opening)
+
     def begin(self, now: float) -> None:
         """Ask the arm; to be called with the lock held, while nothing else goes on."""
         run = self._run = _Run(now, self._config.lost)
@@ -59,6 +68,13 @@ class Recovery:
             self._end(run, f"the executor gave no answer for {limits.answer_timeout:g} s: look whether the arm moves")
         elif now - run.began > limits.goal_timeout:
             self._end(run, f"it has not ended for {limits.goal_timeout:g} s: look at the arm, STOP stops it")
+
+    def _on_opening(self, ok: bool, words: str) -> None:
+        with self._bulletin.lock:
+            if ok:
+                self._bulletin.say("the hand opens")
+            else:
+                self._bulletin.fail(f"the hand did not open: {words}")
 
     def _on_answer(self, run: _Run, ok: bool, words: str) -> None:
         with self._bulletin.lock:

@@ -102,6 +102,14 @@ class RosArm:
         """Begin to move the arm back to its ready pose; both are told in the node's thread, as `Arm` has it."""
         self._post(lambda: self._requests.recover(on_answer, on_end))
 
+    def open_hand(self, on_answer: OnAnswer) -> None:
+        """Begin to open the hand; on_answer: told in the node's thread whether that has begun."""
+        self._post(lambda: self._requests.open_hand(on_answer))
+
+    def held_width(self) -> float | None:
+        """Return how wide is what the hand holds [m], as the executor said last; None where that is nothing."""
+        return self._requests.held_width
+
     def is_busy(self) -> bool:
         """Return True if the executor said last that it does something, for whomever."""
         return self._requests.is_busy

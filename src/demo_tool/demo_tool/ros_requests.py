@@ -1,4 +1,4 @@
-"""Requests of a person to the executor: approval of a plan and recovery; and what it says of itself."""
+"""Requests of a person to the executor: approval of a plan, recovery, opening; and what it says of itself."""
 
 from __future__ import annotations
 
@@ -15,7 +15,8 @@ from cliport_core import topics
 from cliport_interfaces.srv import ApprovePlan
 from demo_tool.ports import OnAnswer
 
-_REPORT, _BUSY = "panda_executor: arm", "busy"  # the executor's report on /diagnostics, and its value that is read
+_REPORT = "panda_executor: arm"  # the executor's report on /diagnostics; and its values that are read
+_BUSY, _HELD_WIDTH = "busy", "held width [m]"
 _EXECUTOR = "the executor"
 _IDLE_REPORTS = 2  # in a row, before a recovery has ended: the first may be older than the recovery
 
@@ -26,8 +27,10 @@ class ExecutorRequests:
     def __init__(self, node: Node) -> None:
         self._approve: Client = node.create_client(ApprovePlan, topics.EXECUTOR_APPROVE)
         self._recover: Client = node.create_client(Trigger, topics.EXECUTOR_RECOVER)
+        self._open: Client = node.create_client(Trigger, topics.EXECUTOR_OPEN)
         node.create_subscription(DiagnosticArray, topics.DIAGNOSTICS, self._on_report, 10)
         self.is_busy = False  # as the executor reported last
+        self.held_width: float | None = None  # of what the hand holds [m], as it reported last
         self._on_end: Callable[[], None] | None = None  # of the recovery that goes on
         self._idle_reports = 0
 
@@ -45,13 +48,19 @@ class ExecutorRequests:
 
         call_service(self._recover, Trigger.Request(), answered, _EXECUTOR)
 
+    def open_hand(self, on_answer: OnAnswer) -> None:
+        """Begin to open the hand; on_answer: told whether that has begun."""
+        call_service(self._open, Trigger.Request(), on_answer, _EXECUTOR)
+
     def _on_report(self, message: DiagnosticArray) -> None:
         for status in message.status:
             if status.name == _REPORT:
-                self._take(any(value.key == _BUSY and value.value == "true" for value in status.values))
+                self._take({value.key: value.value for value in status.values})
 
-    def _take(self, is_busy: bool) -> None:
-        self.is_busy = is_busy
+    def _take(self, values: dict[str, str]) -> None:
+        self.is_busy = is_busy = values.get(_BUSY) == "true"
+        width = values.get(_HELD_WIDTH, "none")
+        self.held_width = None if width == "none" else float(width)
         self._idle_reports = 0 if is_busy else self._idle_reports + 1
         if self._on_end is not None and self._idle_reports >= _IDLE_REPORTS:
             on_end, self._on_end = self._on_end, None

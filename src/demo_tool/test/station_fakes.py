@@ -134,7 +134,8 @@ class FakeArm:
     result: how goals end, a plan with PLANNED where this says SUCCEEDED; silent: goals are never answered;
     fault_words: why it cannot be used; on_success: what a goal that succeeds does to the world; waiting_plan: id of the
     plan with which goals wait for approval, "" where they do not wait; recovery_refusal: why it does not recover, ""
-    where it does; on_recovered: what a recovery that nobody stops does to the world.
+    where it does; on_recovered: what a recovery that nobody stops does to the world; held: width of what the hand
+    holds; opening_refusal: why it does not open, "" where it does.
     """
 
     pace: float = 0.0
@@ -148,6 +149,9 @@ class FakeArm:
     recovery_refusal: str = ""
     on_recovered: Callable[[], None] = lambda: None
     recoveries: int = 0
+    held: float | None = None
+    opening_refusal: str = ""
+    openings: int = 0
     busy: bool = False
     goals: list[ActionGoal] = field(default_factory=list)
     checks: list[ActionGoal] = field(default_factory=list)
@@ -217,6 +221,17 @@ class FakeArm:
             threading.Thread(target=self._go_back, args=(on_end,), daemon=True).start()
         else:
             self._go_back(on_end)
+
+    def open_hand(self, on_answer: OnAnswer) -> None:
+        """Let go, unless refused."""
+        self.openings += 1
+        if not self.opening_refusal:
+            self.held = None
+        on_answer(not self.opening_refusal, self.opening_refusal or "begun; the log says how it ends")
+
+    def held_width(self) -> float | None:
+        """Return what was set."""
+        return self.held
 
     def is_busy(self) -> bool:
         """Return what was set."""

@@ -156,10 +156,10 @@ def test_who_watches_cannot_approve_or_recover(tmp_path: Path) -> None:
             until(second, "holder", "other")
             assert ask(first, "execute")["ok"]
             until(second, "approval", {"plan": PLAN, "asked": False, "words": ""})
-            for command, arguments in (("approve", {"plan": PLAN}), ("recover", {})):
+            for command, arguments in (("approve", {"plan": PLAN}), ("recover", {}), ("open_hand", {})):
                 refusal = ask(second, command, **arguments)
                 assert not refusal["ok"] and "this one watches" in refusal["error"]
-            assert place.station.view(None)["approval"] is not None and place.arm.recoveries == 0
+            assert place.station.view(None)["approval"] is not None and place.arm.recoveries == place.arm.openings == 0
             assert ask(first, "approve", plan=PLAN)["ok"]
             place.wait_for("ready")
             assert [step["outcome"] for step in place.station.view(None)["episode"]["steps"]] == ["succeeded"]

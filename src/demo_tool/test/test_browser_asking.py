@@ -78,6 +78,24 @@ def test_an_arm_that_stands_away_is_taken_back(person: Person) -> None:
     assert place.arm.recoveries == 2 and place.arm.stops
 
 
+def test_what_is_still_held_is_let_go(person: Person) -> None:
+    place = person.place
+    assert not person.page.locator("#held").is_visible()
+    place.arm.held, place.arm.opening_refusal = 0.04, "another goal is being executed"
+    person.page.locator("#held", has_text="still holds something 40 mm wide").wait_for()
+    person.press("Space")
+    person.sees("stopped")
+    assert person.page.locator("#open-hand").is_disabled()
+    person.click("#resume")
+    person.click("#open-hand")
+    person.page.locator("#state-words", has_text="did not open: another goal is being executed").wait_for()
+    place.arm.opening_refusal = ""
+    person.click("#open-hand")
+    person.sees("ready")
+    person.page.locator("#held").wait_for(state="hidden")
+    assert place.arm.openings == 2
+
+
 def test_whether_the_arm_can_do_it_is_shown_beside_the_place(person: Person) -> None:
     page = person.page
     person.drag(person.box)

@@ -69,7 +69,7 @@ def test_meanwhile_nothing_else_moves_the_arm(bench) -> None:
     bench.begin()
     bench.draw()
     bench.do("calibrate", **NONE)
-    for command in ("execute", "preview", "recover", "propose", "new_scene"):
+    for command in ("execute", "preview", "recover", "open_hand", "propose", "new_scene"):
         assert "the camera is being calibrated: stop that first" in bench.refused(command)
     assert "the camera is being calibrated" in bench.refused("calibrate", **NONE)
     bench.calibrations.on_end(0)

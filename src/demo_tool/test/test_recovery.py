@@ -205,3 +205,35 @@ def test_who_closes_the_station_stops_the_way_back(away) -> None:
     away.arm.stop = halt
     away.station.close()
     assert away.arm.stops == 1 and "stopped on the way" in away.last
+
+
+def test_what_the_hand_still_holds_is_told_while_the_arm_does_nothing(away) -> None:
+    assert away.view["held_width"] is None
+    away.arm.held = 0.04
+    assert away.view["held_width"] == 0.04
+    away.arm.busy = True
+    assert away.view["held_width"] is None, "it is on its way with it"
+
+
+def test_the_hand_opens(away) -> None:
+    away.arm.held = 0.04
+    away.do("open_hand")
+    assert away.view["held_width"] is None and away.view["last"] == {"ok": True, "words": "the hand opens"}
+    assert away.state != "failed"
+
+
+def test_a_hand_that_does_not_open_is_said_in_the_executors_words(away) -> None:
+    away.arm.held, away.arm.opening_refusal = 0.04, "another goal is being executed"
+    away.do("open_hand")
+    assert away.state == "failed" and away.last == "the hand did not open: another goal is being executed"
+    assert away.view["held_width"] == 0.04
+
+
+def test_a_stopped_or_busy_hand_is_not_opened(away, held) -> None:
+    away.do("stop")
+    assert "resume first" in away.refused("open_hand")
+    held.begin()
+    held.draw()
+    held.do("execute")
+    assert "busy planning" in held.refused("open_hand")
+    assert away.arm.openings == held.arm.openings == 0

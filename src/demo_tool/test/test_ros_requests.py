@@ -35,6 +35,7 @@ class World:
         self.ended = 0
         self.executor.create_service(ApprovePlan, topics.EXECUTOR_APPROVE, self._on_approve)
         self.executor.create_service(Trigger, topics.EXECUTOR_RECOVER, self._on_recover)
+        self.executor.create_service(Trigger, topics.EXECUTOR_OPEN, self._on_recover)
         self.reports = self.executor.create_publisher(DiagnosticArray, topics.DIAGNOSTICS, 10)
 
     def _on_approve(self, request: ApprovePlan.Request, response: ApprovePlan.Response) -> ApprovePlan.Response:
@@ -51,9 +52,10 @@ class World:
     def end(self) -> None:
         self.ended += 1
 
-    def report(self, busy: bool) -> None:
+    def report(self, busy: bool, held: str = "none") -> None:
         other = DiagnosticStatus(name="camera", values=[KeyValue(key="busy", value="false")])
-        mine = DiagnosticStatus(name="panda_executor: arm", values=[KeyValue(key="busy", value=str(busy).lower())])
+        values = [KeyValue(key="busy", value=str(busy).lower()), KeyValue(key="held width [m]", value=held)]
+        mine = DiagnosticStatus(name="panda_executor: arm", values=values)
         self.reports.publish(DiagnosticArray(status=[other, mine]))
 
     def until(self, condition: Callable[[], object]) -> None:
@@ -114,13 +116,27 @@ def test_a_recovery_ends_once_the_executor_is_idle_again(world: World) -> None:
     assert not world.arm.is_busy() and world.ended == 1
 
 
+def test_the_hand_is_opened_once_the_executor_takes_it(world: World) -> None:
+    world.refusal = "another goal is being executed"
+    assert reached(world, lambda: world.arm.open_hand(world.hear)) == (False, world.refusal)
+    world.refusal = ""
+    assert reached(world, lambda: world.arm.open_hand(world.hear)) == (True, "begun")
+    world.until(lambda: world.reports.get_subscription_count() > 0)
+    world.report(busy=False, held="0.040")
+    world.until(lambda: world.arm.held_width() == 0.04)
+    world.report(busy=False)
+    world.until(lambda: world.arm.held_width() is None)
+
+
 def test_an_executor_that_is_not_there_is_said(world: World) -> None:
     remap = ["--ros-args", "-r", "/panda_executor/approve:=/none", "-r", "/panda_executor/recover:=/nothing"]
+    remap += ["-r", "/panda_executor/open:=/nowhere"]
     requests = ExecutorRequests(rclpy.create_node("alone", cli_args=remap))
     requests.approve("1a2b3c4d", world.hear)
     requests.recover(world.hear, world.end)
+    requests.open_hand(world.hear)
     words = [words for ok, words in world.heard if not ok]
-    assert len(words) == 2 and all("cannot be reached: is it running? (service /" in line for line in words)
+    assert len(words) == 3 and all("cannot be reached: is it running? (service /" in line for line in words)
 
 
 @pytest.mark.parametrize("ready", [True, False])

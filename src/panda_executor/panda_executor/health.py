@@ -34,14 +34,19 @@ def assess(
     refusal: str | None,
     busy: bool,
     limits: AgeLimits,
+    held_width: float | None = None,
 ) -> HealthReport:
-    """Report the worst of what is wrong. Ages in s, infinite when nothing came yet."""
+    """Report the worst of what is wrong.
+
+    Ages in s, infinite when nothing came yet; held_width: of what the hand is known to hold [m].
+    """
     values = {
         "joint state age [s]": _seconds(joint_age),
         "cloud age [s]": _seconds(cloud_age),
         "arm action server": "ready" if arm_ready else "missing",
         "gripper action server": "ready" if gripper_ready else "missing",
         "busy": str(busy).lower(),
+        "held width [m]": "none" if held_width is None else f"{held_width:.3f}",
     }
     if not arm_ready or not gripper_ready:
         missing = "arm" if not arm_ready else "gripper"

@@ -139,6 +139,7 @@ class ExecutorNode(Node):
         report = assess(
             self._joints.age(now_ns), self._clouds.age(now_ns), self._controllers.arm_ready,
             self._controllers.gripper_ready, self.gate.refusal(), self.gate.busy, self._limits,
+            self._runner.held_width(),
         )  # fmt: skip
         self._diagnostics.publish(conversions.diagnostics_to_msg(report, now_ns))
 

@@ -12,6 +12,7 @@ from cliport_core.pose import PlanarPose
 from cliport_core.workspace import WorkspaceSpec
 from panda_executor.action_run import ActionRun, Cloud, CloudSource, Look
 from panda_executor.config import ExecutorConfig
+from panda_executor.errors import PortError
 from panda_executor.hand_content import HandContent
 from panda_executor.hand_move import HandMove
 from panda_executor.model import PandaModel
@@ -84,6 +85,14 @@ class PickPlaceRunner:
             cloud: fetches it; None where the motion is to be blind.
         """
         return HandMove(self.planner, self._commands(on_phase, should_stop, on_plan), goal, cloud, workspace).result()
+
+    def held_width(self) -> float | None:
+        """Return how wide is what the hand holds [m]; None where that is nothing, or the joint states are old."""
+        try:
+            width = self._gripper.width()
+        except PortError:
+            return None
+        return width if self._hand.holds(width) else None
 
     def go_ready(self, should_stop: ShouldStop = lambda: False, cloud: Cloud | None = None) -> ActionResult:
         """Move to the ready pose, out of the camera's view, with what the hand holds.

@@ -61,6 +61,7 @@ def test_values_are_shown_by_name() -> None:
         "arm action server": "ready",
         "gripper action server": "missing",
         "busy": "false",
+        "held width [m]": "none",
     }
-    values = assess(math.inf, 4.567, False, True, None, True, LIMITS).values
-    assert list(values.values()) == ["never", "4.57", "missing", "ready", "true"]
+    values = assess(math.inf, 4.567, False, True, None, True, LIMITS, 0.0404).values
+    assert list(values.values()) == ["never", "4.57", "missing", "ready", "true", "0.040"]

@@ -190,6 +190,7 @@ def test_goals_go_through_the_gate(name: str, monkeypatch: pytest.MonkeyPatch, b
 def test_the_report_is_of_now(bench: Bench, arm: bool, gripper: bool, busy: bool, words: str) -> None:
     node = bench.node
     node._diagnostics = SimpleNamespace(publish=bench.published.append)  # type: ignore[assignment]
+    node._runner = SimpleNamespace(held_width=lambda: 0.04)  # type: ignore[assignment]
     node._controllers.arm_ready, node._controllers.gripper_ready = arm, gripper  # type: ignore[misc]
     node._joints.update((*ARM, "f"), [0.0] * 8, 10 * S - S // 4)
     if busy:
@@ -200,6 +201,7 @@ def test_the_report_is_of_now(bench: Bench, arm: bool, gripper: bool, busy: bool
     assert message.status[0].message == words
     values = {value.key: value.value for value in message.status[0].values}
     assert (values["joint state age [s]"], values["cloud age [s]"]) == ("0.25", "0.50")
+    assert values["held width [m]"] == "0.040"
 
 
 def test_what_is_heard_and_how(bench: Bench) -> None:

@@ -16,6 +16,7 @@ from cliport_core.pose import PlanarPose
 from cliport_core.workspace import WorkspaceSpec
 from panda_executor import runner as runner_module
 from panda_executor.config import ExecutorConfig
+from panda_executor.errors import PortError
 from panda_executor.motions import Motion
 from panda_executor.phase import Phase
 from panda_executor.run_commands import RunCommands
@@ -137,7 +138,9 @@ def test_what_the_hand_holds_is_known_to_the_next_run() -> None:
     runner, _, gripper = make()
     gripper.object_width = 0.04
     runner.run(GOAL, CLOUD, SPACE)
+    assert runner.held_width() is None
     Run.made[0].commands.move_fingers(0.0, 9.0)
+    assert runner.held_width() == 0.04
     runner.go_ready()
     runner.run(GOAL, CLOUD, SPACE)
     for run in Run.made[1:]:
@@ -148,6 +151,17 @@ def test_what_the_hand_holds_is_known_to_the_next_run() -> None:
     Run.made[-1].commands.move_fingers(0.08, 9.0)
     Run.made[-1].commands.move_fingers(0.0, 9.0)
     Run.made[-1].commands.check_empty()
+    assert runner.held_width() is None
+
+
+def test_what_is_held_is_not_known_while_the_joint_states_are_old(monkeypatch: pytest.MonkeyPatch) -> None:
+    runner, _, gripper = make()
+
+    def old() -> float:
+        raise PortError("the joint states are old")
+
+    monkeypatch.setattr(gripper, "width", old)
+    assert runner.held_width() is None
 
 
 def test_a_configuration_of_its_own_goes_before_the_planners() -> None:

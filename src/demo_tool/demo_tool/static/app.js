@@ -10,7 +10,7 @@ import { LivePicture } from "./live.js";
 import { button, buttons, byId, press, say, wordsOf } from "./page.js";
 import { Panel } from "./panel.js";
 import { Prefill } from "./prefill.js";
-import { setUpRecovery, showRecovery } from "./recovery.js";
+import { disableRecovery, setUpRecovery, showRecovery } from "./recovery.js";
 import { Stage } from "./stage.js";
 import { setUpShortcuts } from "./shortcuts.js";
 import { setUpStopping } from "./stopping.js";
@@ -124,7 +124,7 @@ connection.addEventListener("lost", () => {
   stage.enabled = false;
   panel.disable();
   approvalBar.disable();
-  button("recover").disabled = true;
+  disableRecovery();
 });
 
 // pictures
@@ -179,7 +179,7 @@ episodes.addEventListener("another-data-set", () => {
   open("record");
   panel.askDataSet();
 });
-setUpRecovery(() => call("recover").catch(tell));
+setUpRecovery(() => call("recover").catch(tell), () => call("open_hand").catch(tell));
 setUpShortcuts();
 setUpStopping(() => connection.stop().catch(tell));
 

@@ -132,6 +132,8 @@ export interface View {
   approval: Approval | null;
   /** Whether the arm was measured away from its ready pose while nobody else moves it. */
   away: boolean;
+  /** How wide is what the hand still holds while the arm does nothing [m]. */
+  held_width: number | null;
   /** Whether a simulator is there that can make another scene. */
   scenes: boolean;
   data_set: string | null;
@@ -221,6 +223,7 @@ export interface Commands {
   execute: { text: string; draft: SeenDraft };
   record: { text: string; draft: SeenDraft };
   recover: {};
+  open_hand: {};
   undo: {};
   restore_step: {};
   save_again: {};
