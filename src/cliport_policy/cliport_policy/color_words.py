@@ -21,7 +21,7 @@ from torch.nn import functional as F
 
 from cliport_core.command_line import CommandParser
 from cliport_policy.checkpoint import whole_file
-from cliport_policy.data.color_names import survey
+from cliport_policy.data.color_names import names_told
 from cliport_policy.errors import CheckpointError, ConfigError, PolicyError
 from cliport_policy.language import TextEncoder, shared_encoder
 from cliport_policy.networks.joint.color_words import ColorHead, scaled_lab
@@ -29,7 +29,6 @@ from cliport_policy.settings import check_choice
 
 ARMS = ("strict", "open")
 FOLDER = Path(__file__).parent / "color_heads"
-UNSEEN_STEMS = ("orang", "purpl", "pink", "whit")  # of the benchmark's colours that only test scenes have
 _TEMPLATES = (
     "put the {} blocks in a {} bowl",
     "pack all the {} and {} blocks into the box",
@@ -58,14 +57,9 @@ class Survey(NamedTuple):
 def read_survey(arm: str) -> Survey:
     """Return the survey's names; `strict` leaves out those that hold a word of the unseen colours."""
     check_choice(arm, ARMS, "arm")
-    names, colors = [], []
-    for key, color in survey().items():
-        name = key.replace("/", " ")
-        if arm == "open" or not any(stem in name for stem in UNSEEN_STEMS):
-            names.append(name)
-            colors.append(color)
-    shades = [[j for j, other in enumerate(names) if other.split()[-1] == name] for name in names]
-    return Survey(names, scaled_lab(torch.tensor(colors)), shades)
+    told = names_told(arm)
+    shades = [[j for j, other in enumerate(told) if other.split()[-1] == name] for name in told]
+    return Survey(list(told), scaled_lab(torch.tensor(list(told.values()))), shades)
 
 
 def load_color_head(arm: str) -> ColorHead:

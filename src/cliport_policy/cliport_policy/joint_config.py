@@ -10,6 +10,8 @@ from cliport_policy.settings import TOKEN_DIM, channel_counts, check_choice, che
 
 CONTEXT_HEADS = 4  # of the attention among cells
 COLOR_WORDS = ("none", "strict", "open")
+COLOR_READING = ("tokens", "names")
+REREAD = frozenset({"color_reading", "gray_share"})  # what a trained network may change on its way
 
 
 @dataclass(frozen=True)
@@ -24,6 +26,9 @@ class JointConfig:
     n_rotations: k of rotator and transport.
     color_words: colour densities that are read from the sentence's words, as maps of where such a colour is seen:
     `open` knows all names of the survey, `strict` none that holds a word of the benchmark's unseen colours.
+    color_reading: `tokens` lets the maps show how well a pixel's colour suits a token, and everything else read all
+    words; `names` lets them show where no basic colour term names it better than the sentence's names do, and
+    everything else read the same word for every name.
     gray_share: share of training samples in which encoder and decoders see grey, and colours through these maps only.
     null_actions: 1 for "done", 2 for "done" and "not here" apart.
     chooses_primitive: True predicts the primitive; otherwise it is that of the demonstrations.
@@ -42,6 +47,7 @@ class JointConfig:
     crop_pixels: int = 64
     n_rotations: int = 36
     color_words: str = "open"
+    color_reading: str = "tokens"
     gray_share: float = 0.4
     null_actions: int = 2
     chooses_primitive: bool = True
@@ -50,6 +56,9 @@ class JointConfig:
     def __post_init__(self) -> None:
         check_types(self, "network")
         check_choice(self.color_words, COLOR_WORDS, "color_words")
+        check_choice(self.color_reading, COLOR_READING, "color_reading")
+        if self.color_words == "none" and self.color_reading == "names":
+            raise ConfigError("color_reading=names needs color_words strict or open, not none")
         channel_counts(self.widths)
         check_common_shape(self)
         if self.decoder_width < 1:

@@ -48,19 +48,19 @@ class TextEncoder:
     def __init__(self) -> None:
         os.environ.setdefault("TOKENIZERS_PARALLELISM", "false")
         folder = model_folder()
-        self._pieces = WordPieces(folder, MAX_TOKENS)
+        self.pieces = WordPieces(folder, MAX_TOKENS)
         self.model = load_bert(folder)
         self._cache: dict[str, TokenEmbeddings] = {}
 
     @torch.inference_mode()
     def encode(self, sentences: Sequence[str]) -> TokenEmbeddings:
         """Return token embeddings of sentences, padded to the longest; text beyond 48 tokens is cut."""
-        numbers, mask = self._pieces(sentences)
+        numbers, mask = self.pieces(sentences)
         return TokenEmbeddings(self.model.states(numbers, mask), mask)
 
     def count_tokens(self, text: str) -> int:
         """Return how many tokens a text has, without those that begin and end a sentence."""
-        _, mask = self._pieces([text])
+        _, mask = self.pieces([text])
         return int(mask.sum()) - 2
 
     def encode_one(self, sentence: str) -> TokenEmbeddings:

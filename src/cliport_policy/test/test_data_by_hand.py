@@ -18,9 +18,10 @@ from cliport_core.heightmap import Heightmap
 from cliport_core.pose import PlanarPose
 from cliport_core.workspace import WorkspaceSpec
 from cliport_policy import dataset, reliability
-from cliport_policy.color_words import UNSEEN_STEMS, read_survey
+from cliport_policy.color_words import read_survey
 from cliport_policy.data import dataset_format
 from cliport_policy.data.batches import Batch, Phrasebook
+from cliport_policy.data.color_names import UNSEEN_STEMS
 from cliport_policy.data.dataset_format import Demo, Row, SeenThing, part_path, read_part, write_part
 from cliport_policy.data.demonstrations import Demonstration, DemonstrationSet, Frame, _check, _demonstration
 from cliport_policy.data.encoded_rows import Place

@@ -3,6 +3,7 @@
 import hashlib
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -11,6 +12,8 @@ from safetensors.torch import load_file
 
 from cliport_policy.checkpoint import ANCHORS
 from cliport_policy.config import FINE_TUNE
+from cliport_policy.errors import ConfigError
+from cliport_policy.joint_config import JointConfig
 from cliport_policy.policy import load_policy
 from cliport_policy.train import main
 from cliport_policy.training.options import parse_options
@@ -60,6 +63,16 @@ def test_its_recipe_is_short_and_careful(tiny_checkpoint: MakeCheckpoint) -> Non
     assert options.train == FINE_TUNE and options.train.steps * options.train.batch_size < 18_000  # ten minutes at 30/s
     assert parse_options([*given, "--optimizer", "ours", "--steps", "7"]).train.learning_rate == 2e-3
     assert options.initial is not None and options.network == options.initial.card.network
+
+
+def test_a_trained_network_may_come_to_see_colours_in_another_way() -> None:
+    given = ["--data", "a", "--out", "o", "--init", "multi-open-100"]
+    options = parse_options([*given, "--set", "color_reading=names", "--set", "gray_share=0.2"])
+    assert isinstance(options.network, JointConfig) and options.initial is not None
+    assert (options.network.color_reading, options.network.gray_share) == ("names", 0.2)
+    assert replace(options.network, color_reading="tokens", gray_share=0.4) == options.initial.card.network
+    with pytest.raises(ConfigError, match="unknown network setting"):
+        parse_options([*given, "--set", "color_reading=names", "--set", "goal_dim=16"])
 
 
 @pytest.mark.parametrize(

@@ -17,6 +17,7 @@ from cliport_policy.color_words import likelihoods, load_color_head, read_survey
 from cliport_policy.errors import CheckpointError, ConfigError
 from cliport_policy.joint_config import JointConfig
 from cliport_policy.language import ENCODER_NAME, shared_encoder
+from cliport_policy.named_colors import basic_tokens, color_name_reader
 from cliport_policy.named_configs import load_network_config, network_config_from_dict
 from cliport_policy.networks.factory import build_network
 from cliport_policy.networks.joint.color_words import scaled_lab
@@ -53,6 +54,7 @@ def _network(**changes: object) -> JointNetwork:
     [
         {}, {"color_words": "none"}, {"color_words": "strict"}, {"gate": False}, {"context_layers": 0},
         {"null_actions": 1}, {"chooses_primitive": False}, {"aligner": False},
+        {"color_reading": "names"}, {"color_reading": "names", "color_words": "strict"},
     ],
 )  # fmt: skip
 @torch.no_grad()
@@ -169,6 +171,30 @@ def test_a_map_is_bright_where_the_named_colour_is() -> None:
     maps = network.color_maps(torch.nn.functional.pixel_unshuffle(image, 2), tokens, words, mask)
     assert maps.shape == (1, 3, 32, 16)
     assert maps[0, 0, 16:].mean() > 5 * maps[0, 0, :16].mean() and maps[0, 0, 16:].mean() > 0.2
+
+
+@torch.no_grad()
+def test_a_map_of_names_is_bright_where_no_basic_term_names_the_colour_better() -> None:
+    """The survey's blue is none of the palette's: how well it suits that is not asked, only what else would."""
+    colors = torch.tensor(list(PALETTE.values())) / 255
+    head = load_color_head("open")
+    others = head(basic_tokens("open")[None])
+    for name in ("red", "green", "blue", "yellow", "orange", "purple", "pink", "brown", "cyan", "turquoise"):
+        tokens = color_name_reader().name_tokens(name)[None]
+        shown = head(tokens).naming(scaled_lab(colors)[None], others)[0].amax(0)
+        own = "cyan" if name == "turquoise" else name
+        named = dict(zip(PALETTE, shown.tolist(), strict=True))
+        assert 0.8 < named.pop(own) <= 1.0 and max(named.values()) < 0.5, name
+
+
+@torch.no_grad()
+def test_words_without_colours_differ_in_nothing_but_the_maps() -> None:
+    one, other = "put the red blocks in a blue bowl", "put the crimson blocks in a pink bowl"
+    network = _network(color_reading="names")
+    goals = [network.encode_goal([sentence]) for sentence in (one, other)]
+    assert torch.equal(goals[0].words, goals[1].words) and torch.equal(goals[0].language, goals[1].language)
+    assert not torch.equal(goals[0].tokens, goals[1].tokens), "the maps read on"
+    assert not torch.equal(goals[0].words, network.encode_goal(["put the red rings in a blue bowl"]).words)
 
 
 def test_the_open_head_knows_the_palette_and_the_strict_one_was_not_told_the_unseen_words() -> None:

@@ -20,7 +20,8 @@ def test_settings_that_nobody_gave() -> None:
     assert asdict(JointConfig()) == {
         "widths": (16, 48, 96, 128), "decoder_width": 16, "token_dim": 384, "goal_dim": 128, "context_layers": 2,
         "transport_channels": 8, "query_cells": 31, "gate": True, "crop_pixels": 64, "n_rotations": 36,
-        "color_words": "open", "gray_share": 0.4, "null_actions": 2, "chooses_primitive": True, "aligner": False,
+        "color_words": "open", "color_reading": "tokens", "gray_share": 0.4, "null_actions": 2,
+        "chooses_primitive": True, "aligner": False,
     }  # fmt: skip
     net = {"spatial": "plain", "semantic": False, "language": "none", "laterals": False, "skips": True,
            "norm": "none", "fusion": "none", "goal_image": "none"}  # fmt: skip
@@ -123,6 +124,8 @@ def test_a_net_is_another_by_its_name() -> None:
         (JointConfig, {"context_layers": -1}, False), (JointConfig, {"gray_share": 1.0}, True),
         (JointConfig, {"gray_share": 1.1}, False), (JointConfig, {"gray_share": -0.1}, False),
         (JointConfig, {"gray_share": 0}, True), (JointConfig, {"decoder_width": 1}, True),
+        (JointConfig, {"color_reading": "names"}, True), (JointConfig, {"color_reading": "name"}, False),
+        (JointConfig, {"color_reading": "names", "color_words": "none"}, False),
     ],
 )  # fmt: skip
 def test_what_a_compact_and_a_joint_network_can_be(kind: Any, changes: dict[str, Any], good: bool) -> None:

@@ -14,11 +14,13 @@ from torch import Tensor
 from cliport_policy import color_words
 from cliport_policy.color_words import Survey, _example, _examples, _target, likelihoods
 from cliport_policy.data import from_bags
+from cliport_policy.data.color_names import BASIC_TERMS
 from cliport_policy.data.demonstrations import load_demonstrations
 from cliport_policy.data.from_bags import make_data_set
 from cliport_policy.encoders import clip_rn50, efficientnet, resnet50
 from cliport_policy.encoders.registry import PROJECTED_DIM
 from cliport_policy.language import MAX_TOKENS, TextEncoder, TokenEmbeddings, shared_encoder
+from cliport_policy.named_colors import basic_tokens, color_name_reader
 from cliport_policy.networks.joint.color_words import ColorDensity
 
 MISSED = 5
@@ -64,6 +66,44 @@ def test_tokens_of_the_shipped_encoder() -> None:
     assert (encoder.count_tokens("put the red block"), encoder.count_tokens("")) == (4, 0)
     long = encoder.encode(["block " * 100])
     assert MAX_TOKENS == 48 and long.tokens.shape == (1, 48, 384) and long.mask.all()
+
+
+@pytest.mark.parametrize(
+    ("sentence", "hidden"),
+    [
+        ("put the red block in a Royal Blue bowl", ["red", "royal", "blue"]),
+        ("put the credits in the redder bowl", []),
+        ("the lightest brown block goes on the teal and grey ones", ["brown", "tea", "##l", "grey"]),
+        ("move the cyan ring over the light gray one", ["cy", "##an", "light", "gray"]),
+        ("", []),
+    ],
+)
+def test_a_colourless_sentence_lacks_its_colours_alone(sentence: str, hidden: list[str]) -> None:
+    """It has as many tokens, and the same ones where there is no colour; the names are read apart."""
+    encoder = shared_encoder()
+    pieces = encoder.pieces._tokenizer
+    plain, (rest, names, mask) = encoder.encode_one(sentence), color_name_reader().read([sentence])
+    named = names[0].any(-1)
+    assert [pieces.id_to_token(int(number)) for number in encoder.pieces([sentence]).numbers[0][named]] == hidden
+    assert rest.shape == names.shape == plain.tokens.shape and torch.equal(mask, plain.mask)
+    assert torch.equal(rest, plain.tokens) == (not hidden)
+    longer = color_name_reader().read([sentence, "put the green and the yellow blocks in the darker brown box"])
+    assert torch.equal(longer.rest[0][longer.mask[0]], rest[0]) and not longer.names[0][~longer.mask[0]].any()
+
+
+def test_a_colours_name_is_read_as_in_any_sentence() -> None:
+    reader = color_name_reader()
+    (one, other), _ = reader.read(["the dusty purple block", "put it in the Dusty Purple bowl"]).names, None
+    assert torch.equal(one[one.any(-1)], other[other.any(-1)]) and int(one.any(-1).sum()) == 2
+    cut = reader.read(["block " * 45 + "royal blue"])
+    assert cut.rest.shape == (1, MAX_TOKENS, 384) and int(cut.names[0].any(-1).sum()) == 1
+
+
+def test_basic_terms_are_those_that_an_arm_is_told() -> None:
+    found = {arm: len(basic_tokens(arm)) for arm in ("open", "strict")}
+    pieces = {term: shared_encoder().count_tokens(term) for term in BASIC_TERMS}
+    assert found["open"] == sum(pieces.values())
+    assert found["strict"] == found["open"] - sum(pieces[term] for term in ("white", "orange", "pink", "purple"))
 
 
 def test_sentences_are_encoded_once_until_there_are_too_many(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,4 +1,4 @@
-"""Basic English colour terms, and the shades that a survey found under each.
+"""Basic English colour terms, the shades that a survey found under each, and where a sentence names a colour.
 
 The shades are those of the xkcd colour survey (2010, 200,000 people), as Matplotlib ships them: "dusty purple" and
 "eggplant purple" are purples, "eggplant" alone is left out.
@@ -19,6 +19,7 @@ BASIC_TERMS = (
     "black", "white", "red", "green", "yellow", "blue",
     "brown", "orange", "pink", "purple", "gray", "cyan",
 )  # fmt: skip
+UNSEEN_STEMS = ("orang", "purpl", "pink", "whit")  # of the benchmark's colours that only test scenes have
 _SPELLINGS = {"grey": "gray", **{term: term for term in BASIC_TERMS}}
 _WORD = re.compile(rf"\b({'|'.join(_SPELLINGS)})\b", re.IGNORECASE)
 # A shadow changes a colour's lightness more than its hue.
@@ -70,6 +71,37 @@ def survey() -> dict[str, tuple[float, float, float]]:
     from matplotlib.colors import XKCD_COLORS, to_rgb
 
     return {name.removeprefix("xkcd:"): to_rgb(code) for name, code in XKCD_COLORS.items()}
+
+
+@lru_cache(maxsize=2)
+def names_told(arm: str) -> dict[str, tuple[float, float, float]]:
+    """Return the survey's names, as people write them, and their colours, RGB 0..1, that an arm is told.
+
+    `open` is told all, `strict` none that holds a word of the unseen colours.
+    """
+    names = {name.replace("/", " "): color for name, color in survey().items()}
+    return {name: color for name, color in names.items() if _is_told(name, arm)}
+
+
+def terms_told(arm: str) -> list[str]:
+    """Return the basic terms that an arm is told."""
+    return [term for term in BASIC_TERMS if _is_told(term, arm)]
+
+
+def _is_told(name: str, arm: str) -> bool:
+    return arm == "open" or not any(stem in name for stem in UNSEEN_STEMS)
+
+
+def color_spans(sentence: str) -> list[tuple[int, int]]:
+    """Return where a sentence has a colour's name: its first character, and the one after its last."""
+    return [match.span() for match in _any_name().finditer(sentence)]
+
+
+@lru_cache(maxsize=1)
+def _any_name() -> re.Pattern[str]:
+    longest_first = sorted(names_told("open"), key=len, reverse=True)
+    either = "|".join(map(re.escape, longest_first)).replace("grey", "gr[ae]y")
+    return re.compile(rf"\b(?:{either})\b", re.IGNORECASE)
 
 
 @lru_cache(maxsize=1)

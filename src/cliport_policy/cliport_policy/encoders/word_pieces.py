@@ -45,6 +45,22 @@ class WordPieces:
             reason = " ".join(str(error).split())[:120]
             raise EncoderError(f"{folder} holds no tokenizer ({reason}): give it tokenizer.json or vocab.txt") from None
 
+    def within(self, sentence: str, first: int, end: int) -> Tensor:
+        """Return which tokens (T,) of a sentence lie among its characters from `first` up to `end`."""
+        offsets = self._tokenizer.encode(sentence).offsets
+        return torch.tensor([first <= a < b <= end for a, b in offsets])
+
+    def number(self, piece: str) -> int:
+        """Return the number of a word piece.
+
+        Raises:
+            EncoderError: if the vocabulary lacks it.
+        """
+        found = self._tokenizer.token_to_id(piece)
+        if found is None:
+            raise EncoderError(f"the tokenizer knows no piece '{piece}'")
+        return int(found)
+
     def __call__(self, sentences: Sequence[str]) -> Tokens:
         """Return the token numbers of sentences."""
         found = self._tokenizer.encode_batch(list(sentences))

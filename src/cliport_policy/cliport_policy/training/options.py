@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,7 @@ from cliport_policy.data.demonstrations import CACHE_BYTES
 from cliport_policy.data.mixture import SourceSettings
 from cliport_policy.data.mixture_file import SourceEntry, mixture_names, read_mixture
 from cliport_policy.errors import ConfigError
+from cliport_policy.joint_config import REREAD, JointConfig
 from cliport_policy.named_configs import AnyNetworkConfig, config_names, load_network_config
 from cliport_policy.settings import check_keys
 from cliport_policy.training.distributed import DEVICES
@@ -123,9 +124,12 @@ def _parser() -> argparse.ArgumentParser:
 def _network_config(name: str | None, changes: dict[str, Any], initial: Initial | None) -> AnyNetworkConfig:
     if initial is None:
         return load_network_config(name or DEFAULT_CONFIG, changes)
+    network = initial.card.network
+    if name is None and isinstance(network, JointConfig) and changes.keys() <= REREAD:
+        return JointConfig.from_dict({**asdict(network), **changes})
     if name is not None or changes:
         initial.check_network(load_network_config(name or DEFAULT_CONFIG, changes))
-    return initial.card.network
+    return network
 
 
 def _train_config(args: argparse.Namespace, changes: dict[str, Any]) -> TrainConfig:

@@ -41,13 +41,25 @@ class ColorDensity(NamedTuple):
 
         1 at a component's own colour, whatever its weight and width; the best component counts.
         """
+        return self._log_nearness(lab, BLUR).exp_().clamp_(max=1.0)
+
+    def naming(self, lab: Tensor, others: ColorDensity) -> Tensor:
+        """Return how well each of T words names N colours (B, N, 3) beside other words: (B, T, N) in 0..1.
+
+        1 where no other word, of densities (1, M), suits the colour better; otherwise by how much it does so less.
+        """
+        best = others._log_nearness(lab, 1.0).amax(1, keepdim=True)
+        return (self._log_nearness(lab, 1.0) - best).clamp_(max=0.0).exp_()
+
+    def _log_nearness(self, lab: Tensor, blur: float) -> Tensor:
+        """Return the logarithm of a membership before it is bounded."""
         precision = (-2 * self.log_sigma).exp()  # (B, T, K, 3)
         constant = (precision * self.mean.square()).sum(-1, keepdim=True) - 2 * self._rarity()[..., None]
         terms = torch.cat((precision, -2 * precision * self.mean, constant), dim=-1)  # (B, T, K, 7)
         powers = torch.cat((lab.square(), lab, torch.ones_like(lab[..., :1])), dim=-1)  # (B, N, 7)
         distance = terms.flatten(1, 2) @ powers.transpose(1, 2)  # (B, T K, N)
         nearest = distance.unflatten(1, self.log_weight.shape[1:]).amin(2)  # (B, T, N)
-        return nearest.mul_(-0.5 / BLUR).exp_().clamp_(max=1.0)
+        return nearest.mul_(-0.5 / blur)
 
     def _rarity(self) -> Tensor:
         """Return each component's log weight relative to the heaviest, no more than 0: (..., K)."""

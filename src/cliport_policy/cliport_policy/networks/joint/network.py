@@ -12,6 +12,7 @@ from torch.nn import functional as F
 from cliport_core.action import Primitive
 from cliport_policy.joint_config import JointConfig
 from cliport_policy.language import shared_encoder
+from cliport_policy.named_colors import basic_tokens, color_name_reader
 from cliport_policy.networks.compact.goal_reader import GoalReader
 from cliport_policy.networks.compact.rotator import Rotator
 from cliport_policy.networks.joint.aligner import Aligner
@@ -61,9 +62,13 @@ class JointNetwork(PolicyNetwork):
 
     def encode_goal(self, sentences: Sequence[str], images: Tensor | None = None) -> Goal:
         """Return the goals of B sentences; images are not read."""
-        tokens, mask = shared_encoder().encode_cached(sentences)
-        tokens, mask = tokens.to(self.null_score.device), mask.to(self.null_score.device)
-        words = self.goal_reader.read_words(tokens, mask)
+        device = self.null_score.device
+        if self.config.color_reading == "names":
+            read, tokens, mask = (part.to(device) for part in color_name_reader().read(sentences))
+        else:
+            tokens, mask = (part.to(device) for part in shared_encoder().encode_cached(sentences))
+            read = tokens
+        words = self.goal_reader.read_words(read, mask)
         return Goal(self.goal_reader.pool_words(words, mask), tokens=tokens, words=words, mask=mask)
 
     def look(self, images: Tensor, goal: Goal) -> Goal:
@@ -75,7 +80,9 @@ class JointNetwork(PolicyNetwork):
         assert tokens is not None and words is not None and mask is not None and language is not None
         whole = [language]
         x = F.pixel_unshuffle(images, 2)  # (B, 4 C, H/2, W/2)
-        maps = None if self.color_maps is None else self.color_maps(x, tokens, words, mask)
+        by_name = self.config.color_reading == "names"
+        basic = basic_tokens(self.config.color_words).to(x.device) if by_name else None
+        maps = None if self.color_maps is None else self.color_maps(x, tokens, words, mask, basic)
         if self.training and self.config.gray_share:
             gray = torch.rand(len(images)) < self.config.gray_share
             x = without_colors(x, gray.to(images.device))
