@@ -29,6 +29,7 @@ def test_the_view_before_anything_has_come(bench) -> None:
         "progress": 0.0,
         "approval": None,
         "away": False,
+        "held_width": None,
         "data_set": None,
         "recorded": 0,
         "covered": {"pick": [], "place": []},
