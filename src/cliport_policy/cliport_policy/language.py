@@ -40,6 +40,13 @@ class TokenEmbeddings(NamedTuple):
         return torch.nn.functional.normalize(mean, dim=-1)
 
 
+def padded(rows: Sequence[Tensor]) -> TokenEmbeddings:
+    """Return the tokens (T, 384) of each sentence in one batch, with 0 up to the longest."""
+    lengths = torch.tensor([len(row) for row in rows])
+    tokens = torch.nn.utils.rnn.pad_sequence(list(rows), batch_first=True)
+    return TokenEmbeddings(tokens, torch.arange(tokens.shape[1])[None] < lengths[:, None])
+
+
 class TextEncoder:
     """Encoder of sentences as frozen token embeddings; every network of a process shares one instance."""
 
@@ -71,10 +78,7 @@ class TextEncoder:
     def encode_cached(self, sentences: Sequence[str]) -> TokenEmbeddings:
         """Return what `encode` does, but encode each sentence once and remember it: training asks again and again."""
         self._remember(sentences)
-        rows = [self._cache[sentence].tokens[0] for sentence in sentences]
-        lengths = torch.tensor([len(row) for row in rows])
-        tokens = torch.nn.utils.rnn.pad_sequence(rows, batch_first=True)
-        return TokenEmbeddings(tokens, torch.arange(tokens.shape[1])[None] < lengths[:, None])
+        return padded([self._cache[sentence].tokens[0] for sentence in sentences])
 
     def _remember(self, sentences: Sequence[str]) -> None:
         missing = [s for s in dict.fromkeys(sentences) if s not in self._cache]

@@ -8,10 +8,9 @@ from typing import NamedTuple
 
 import torch
 from torch import Tensor
-from torch.nn.utils.rnn import pad_sequence
 
 from cliport_policy.data.color_names import color_spans, terms_told
-from cliport_policy.language import CACHE_SIZE, TextEncoder, shared_encoder
+from cliport_policy.language import CACHE_SIZE, TextEncoder, padded, shared_encoder
 
 _SAME = "colored"  # the word that stands for each piece of a colour's name
 _BEFORE, _AFTER = "the ", " block"  # the context of a name
@@ -41,9 +40,8 @@ class ColorNameReader:
     def read(self, sentences: Sequence[str]) -> NamedColors:
         """Return the embeddings of sentences; each is encoded once and remembered."""
         rest, names = zip(*(self._read(sentence) for sentence in sentences), strict=True)
-        lengths = torch.tensor([len(row) for row in rest])
-        mask = torch.arange(int(lengths.max()))[None] < lengths[:, None]
-        return NamedColors(pad_sequence(list(rest), True), pad_sequence(list(names), True), mask)
+        tokens, mask = padded(rest)
+        return NamedColors(tokens, padded(names).tokens, mask)
 
     @torch.inference_mode()
     def _read_one(self, sentence: str) -> tuple[Tensor, Tensor]:
@@ -61,9 +59,8 @@ class ColorNameReader:
     def _name_tokens(self, name: str) -> Tensor:
         """Return the embeddings (N, 384) of a name's pieces."""
         first = 1 + self._encoder.count_tokens(_BEFORE)
-        return self._encoder.encode([_BEFORE + name + _AFTER]).tokens[0][
-            first : first + self._encoder.count_tokens(name)
-        ]
+        end = first + self._encoder.count_tokens(name)
+        return self._encoder.encode([_BEFORE + name + _AFTER]).tokens[0][first:end]
 
 
 @lru_cache(maxsize=1)

@@ -188,6 +188,25 @@ def test_a_map_of_names_is_bright_where_no_basic_term_names_the_colour_better() 
 
 
 @torch.no_grad()
+def test_maps_by_name_show_the_named_colour_and_nothing_where_none_is_named() -> None:
+    network = _network(color_reading="names")
+    image = torch.zeros(1, 5, 64, 32)
+    image[:, 4] = 1
+    for number, name in enumerate(("orange", "purple")):
+        image[0, :3, 32 * number : 32 * number + 32] = ((torch.tensor(PALETTE[name]) - 127.5) / 64)[:, None, None]
+    shown = {}
+    for sentence in ("move the purple ring", "align the rope"):
+        heard: list[torch.Tensor] = []
+        hook = network.encoder.register_forward_pre_hook(lambda _, inputs, heard=heard: heard.append(inputs[0]))
+        network.look(image, network.encode_goal([sentence]))
+        hook.remove()
+        shown[sentence] = heard[0][0, -3:]
+    assert float(shown["move the purple ring"][:, :16].max()) < 0.05
+    assert float(shown["move the purple ring"][:, 16:].min()) > 0.8
+    assert not shown["align the rope"].any()
+
+
+@torch.no_grad()
 def test_words_without_colours_differ_in_nothing_but_the_maps() -> None:
     one, other = "put the red blocks in a blue bowl", "put the crimson blocks in a pink bowl"
     network = _network(color_reading="names")

@@ -93,7 +93,7 @@ def test_a_colourless_sentence_lacks_its_colours_alone(sentence: str, hidden: li
 
 def test_a_colours_name_is_read_as_in_any_sentence() -> None:
     reader = color_name_reader()
-    (one, other), _ = reader.read(["the dusty purple block", "put it in the Dusty Purple bowl"]).names, None
+    one, other = reader.read(["the dusty purple block", "put it in the Dusty Purple bowl"]).names
     assert torch.equal(one[one.any(-1)], other[other.any(-1)]) and int(one.any(-1).sum()) == 2
     cut = reader.read(["block " * 45 + "royal blue"])
     assert cut.rest.shape == (1, MAX_TOKENS, 384) and int(cut.names[0].any(-1).sum()) == 1

@@ -125,8 +125,10 @@ def _network_config(name: str | None, changes: dict[str, Any], initial: Initial 
     if initial is None:
         return load_network_config(name or DEFAULT_CONFIG, changes)
     network = initial.card.network
-    if name is None and isinstance(network, JointConfig) and changes.keys() <= REREAD:
-        return JointConfig.from_dict({**asdict(network), **changes})
+    if name is None and isinstance(network, JointConfig):
+        given = JointConfig.from_dict({**asdict(network), **changes})
+        initial.check_network(replace(given, **{setting: getattr(network, setting) for setting in REREAD}))
+        return given
     if name is not None or changes:
         initial.check_network(load_network_config(name or DEFAULT_CONFIG, changes))
     return network
