@@ -85,6 +85,8 @@ class TrainConfig:
     things may lie anywhere, as blocks and bowls may, but not a rope at its frame.
     mirror_probability: share of samples that are seen in a mirror, with left and right, or top and bottom, exchanged in
     their sentences.
+    stretch_sigma: spread of the logarithms of the two factors by which what the aligner compares is stretched, its hole
+    alike, so that it meets more shapes than the demonstrations hold; every other one is mirrored. 0 does neither.
     jitter: True adds small errors to colours and heights.
     phrases_per_goal: number of wordings of each canonical sentence, fewer where all of them would not fit in memory.
     """
@@ -111,6 +113,7 @@ class TrainConfig:
     recolor_probability: float = 0.7
     rearrange_probability: float = 0.0
     mirror_probability: float = 0.0
+    stretch_sigma: float = 0.0
     jitter: bool = True
     phrases_per_goal: int = 200
     precision: str = "auto"

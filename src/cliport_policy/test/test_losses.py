@@ -161,11 +161,20 @@ class _Aligner(_Flat):
     def __init__(self) -> None:
         super().__init__(36)
         self.aligned: list[tuple[Tensor, Tensor, Tensor, Tensor]] = []
+        self.stretches: list[Tensor | None] = []
 
     def score_fits(
-        self, images: Tensor, goal: Goal, pick: Tensor, yaw: Tensor, places: Tensor, angles: Tensor
+        self,
+        images: Tensor,
+        goal: Goal,
+        pick: Tensor,
+        yaw: Tensor,
+        places: Tensor,
+        angles: Tensor,
+        stretch: Tensor | None = None,
     ) -> Tensor:
         self.aligned.append((pick, yaw, places, angles))
+        self.stretches.append(stretch)
         best = turn_target(torch.full((len(images),), math.pi / 2), 36)
         turns = best.gather(1, torch.round(angles / math.radians(10)).long()).clamp_min(1e-30).log()
         return torch.where((places - 9).norm(dim=-1) < 8, turns, -30.0)
@@ -205,6 +214,41 @@ def test_an_aligner_learns_from_picks_places_and_yaws_that_are_not_exact() -> No
     assert float((wrong - 9).norm(dim=-1).min()) >= 11, "a wrong place is not near the right one"
     assert torch.equal(wrong[:, 0], wrong[:, 2]) and not torch.equal(wrong[:, 0], wrong[:, 3])
     assert turns.min() == 0 and turns.max() == 35
+
+
+def test_an_aligner_sees_pick_and_place_stretched_alike_and_every_other_pair_mirrored() -> None:
+    network, batch = _Aligner(), _batch(300)
+    compute_losses(network, batch, TrainConfig(stretch_sigma=0.25))  # type: ignore[arg-type]
+    compute_losses(network, batch, TrainConfig())  # type: ignore[arg-type]
+    stretch, none = network.stretches
+    assert none is None and stretch is not None
+    assert torch.allclose(stretch, stretch.mT, atol=1e-6), "along two perpendicular axes"
+    assert 0.4 < float((torch.linalg.det(stretch) < 0).float().mean()) < 0.6
+    assert 0.2 < float(torch.linalg.svdvals(stretch).log().std()) < 0.3
+
+
+class _Undecided(_Aligner):
+    """It says that all fits alike."""
+
+    def score_fits(
+        self,
+        images: Tensor,
+        goal: Goal,
+        pick: Tensor,
+        yaw: Tensor,
+        places: Tensor,
+        angles: Tensor,
+        stretch: Tensor | None = None,
+    ) -> Tensor:
+        return torch.zeros_like(angles)
+
+
+@pytest.mark.parametrize("rotations", [0, 12, 1])
+def test_few_rotations_of_an_aligner_stand_for_all(rotations: int) -> None:
+    config = TrainConfig(rotator_rotations=rotations)
+    losses = compute_losses(_Undecided(), _batch(4), config)  # type: ignore[arg-type]
+    at_right = 36 if rotations != 1 else 1
+    assert float(losses.fit) == pytest.approx(math.log(at_right + 36 * WRONG_PLACES), rel=1e-5)
 
 
 def test_wrong_places_are_those_that_the_scores_prefer() -> None:

@@ -27,6 +27,20 @@ def test_window_turned_by_an_objects_yaw_shows_it_unrotated() -> None:
     assert window[5, 15] < 0.1 and window[25, 15] < 0.1
 
 
+def test_a_stretched_window_shows_the_map_along_its_own_axes() -> None:
+    points = torch.zeros(1, 1, 41, 41)
+    points[0, 0, 28, 20] = (
+        1.0  # 8 rows from the centre: 8 columns of a window turned by a quarter, 4 of a stretched one
+    )
+    stretch = torch.diag(torch.tensor([2.0, -1.0]))[None]
+    window = rotated_windows(points, torch.tensor([[20.0, 20.0]]), torch.tensor([[math.pi / 2]]), 21, stretch)
+    assert window[0, 0, 0].argmax() == 10 * 21 + 14 and window[0, 0, 0, 10, 14] == pytest.approx(1, abs=1e-4)
+    assert torch.equal(
+        rotated_windows(points, torch.tensor([[20.0, 20.0]]), torch.tensor([[0.3]]), 21),
+        rotated_windows(points, torch.tensor([[20.0, 20.0]]), torch.tensor([[0.3]]), 21, torch.eye(2)[None]),
+    )
+
+
 def test_window_outside_the_map_is_zero() -> None:
     windows = rotated_windows(torch.ones(1, 2, 20, 20), torch.tensor([[0.0, 0.0]]), torch.zeros(1, 1), 9)
     assert windows.shape == (1, 1, 2, 9, 9)

@@ -94,8 +94,8 @@ class _SampleNoise:
     """Random numbers of each sample's own seed, so that they do not depend on how samples are batched.
 
     pick: (A, 2) standard normal; yaws, places: (A, k) uniform. For the aligner: turns: (A, k), wrong: (A, WRONG_PLACES)
-    and elsewhere: (A, WRONG_PLACES * WRONG_TURNS) uniform; half_turn: (A,) 0 or 1; near: (A, 2, 2) and held: (A,)
-    standard normal.
+    and elsewhere: (A, WRONG_PLACES * WRONG_TURNS) uniform; half_turn and mirrored: (A,) bool; near: (A, 2, 2),
+    held: (A,) and stretch: (A, 2) standard normal; axis: (A,) uniform.
     """
 
     def __init__(self, seeds: Tensor, k: int, device: torch.device) -> None:
@@ -112,6 +112,7 @@ class _SampleNoise:
         self.turns, self.half_turn = uniform(k), uniform() > 0.5
         self.near, self.held = normal(2, 2), normal()
         self.wrong, self.elsewhere = uniform(WRONG_PLACES), uniform(WRONG_PLACES * WRONG_TURNS)
+        self.stretch, self.axis, self.mirrored = normal(2), uniform(), uniform() > 0.5
 
 
 def _rotator_losses(
@@ -172,7 +173,6 @@ def _fit_losses(
     act, k = batch.acts, network.config.n_rotations
     bins = turn_target(batch.rotation[act], k)  # (A, k)
     chosen, _ = _draw_competitors(bins.argmax(1), noise.turns, config.rotator_rotations)
-    target = bins.gather(1, chosen)
     # Predicted pixels and yaws are not exact, and a parallel gripper may hold the thing the other way round.
     off_pick, off_place = (noise.near * config.jitter).unbind(1)
     yaw = batch.pick_yaw[act].float() + HELD_SIGMA * noise.held * config.jitter + math.pi * noise.half_turn
@@ -181,9 +181,32 @@ def _fit_losses(
     turns = (noise.elsewhere * k).long()  # (A, WRONG_PLACES * WRONG_TURNS)
     angles = bin_angles(k, images.device)[torch.cat((chosen, turns), dim=1)]
     places = torch.cat((right, wrong), dim=1)
-    logits = network.score_fits(images, goal, batch.pick[act] + off_pick, yaw, places, angles)
-    target = torch.cat((target / target.sum(1, keepdim=True), torch.zeros_like(noise.elsewhere)), dim=1)
-    return soft_cross_entropy(logits.float(), target)
+    stretch = _stretches(noise, config.stretch_sigma) if config.stretch_sigma else None
+    logits = network.score_fits(images, goal, batch.pick[act] + off_pick, yaw, places, angles, stretch).float()
+    stands_for = _shares_of_rotations(chosen.shape[1], k).to(images.device)  # (R + WRONG_PLACES * WRONG_TURNS,)
+    target = bins.gather(1, chosen) * stands_for[: chosen.shape[1]]
+    at_right = (target / target.sum(1, keepdim=True) * logits[:, : chosen.shape[1]]).sum(1)
+    return (logits + stands_for.log()).logsumexp(1) - at_right
+
+
+def _shares_of_rotations(drawn: int, k: int) -> Tensor:
+    """Return how many of a place's k rotations each of the aligner's logits stands for.
+
+    First those of the right place, the right rotation before the others where not all of them were drawn, then those
+    of the wrong places.
+    """
+    at_right = torch.full((drawn,), (k - 1) / max(drawn - 1, 1))
+    at_right[0] = 1.0
+    return torch.cat((at_right, torch.full((WRONG_PLACES * WRONG_TURNS,), k / WRONG_TURNS)))
+
+
+def _stretches(noise: _SampleNoise, sigma: float) -> Tensor:
+    """Return matrices (A, 2, 2) that stretch along two perpendicular axes, turned any way, and mirror every other."""
+    cos, sin = torch.cos(math.pi * noise.axis), torch.sin(math.pi * noise.axis)
+    turn = torch.stack((torch.stack((cos, -sin), dim=1), torch.stack((sin, cos), dim=1)), dim=1)
+    factors = torch.exp(sigma * noise.stretch)
+    factors = torch.stack((factors[:, 0], factors[:, 1] * (1 - 2.0 * noise.mirrored)), dim=1)
+    return turn @ torch.diag_embed(factors) @ turn.mT
 
 
 def wrong_places(scores: Tensor, place: Tensor, cell: int, noise: Tensor) -> Tensor:

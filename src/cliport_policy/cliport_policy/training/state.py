@@ -19,6 +19,7 @@ _CONFIG_NAME = "training_config.json"
 _BEFORE = {  # what earlier versions did, which had no such settings
     "train.absent_share": 0.0,
     "train.mirror_probability": 0.0,
+    "train.stretch_sigma": 0.0,
     "network.aligner": False,
     "network.mask": True,
 }

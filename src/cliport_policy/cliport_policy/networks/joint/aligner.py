@@ -21,13 +21,23 @@ class Aligner(nn.Module):
         self.crop_pixels = crop_pixels
         self.scorer = CropScorer(2 * channels_in, goal_dim, crop_pixels)
 
-    def forward(self, x: Tensor, goal: Tensor, pick: Tensor, yaw: Tensor, places: Tensor, angles: Tensor) -> Tensor:
+    def forward(
+        self,
+        x: Tensor,
+        goal: Tensor,
+        pick: Tensor,
+        yaw: Tensor,
+        places: Tensor,
+        angles: Tensor,
+        stretch: Tensor | None = None,
+    ) -> Tensor:
         """Return logits (B, R), of each place under its rotation.
 
         x: (B, C, H, W). goal: (B, G). pick: (B, 2) float pixel (row, col). yaw: (B,) rad, of the gripper at the pick.
         places: (B, R, 2) float pixels. angles: (B, R) rad, relative to that yaw.
+        stretch: (B, 2, 2), by which both crops are stretched in the gripper's frame: what fits still fits.
         """
-        held = rotated_windows(x, pick, yaw[:, None], self.crop_pixels)  # (B, 1, C, side, side)
-        below = rotated_windows(x, places, yaw[:, None] + angles, self.crop_pixels)  # (B, R, C, side, side)
+        held = rotated_windows(x, pick, yaw[:, None], self.crop_pixels, stretch)  # (B, 1, C, side, side)
+        below = rotated_windows(x, places, yaw[:, None] + angles, self.crop_pixels, stretch)  # (B, R, C, side, side)
         scores: Tensor = self.scorer(torch.cat((held.expand_as(below), below), dim=2), goal)
         return scores

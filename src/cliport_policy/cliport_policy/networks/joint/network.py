@@ -117,11 +117,18 @@ class JointNetwork(PolicyNetwork):
         return self.transport(self.place_decoder(goal.seen[:-1], goal.language), pick, angles)
 
     def score_fits(
-        self, images: Tensor, goal: Goal, pick: Tensor, yaw: Tensor, places: Tensor, angles: Tensor
+        self,
+        images: Tensor,
+        goal: Goal,
+        pick: Tensor,
+        yaw: Tensor,
+        places: Tensor,
+        angles: Tensor,
+        stretch: Tensor | None = None,
     ) -> Tensor:
         """Return logits (B, R); not without an aligner."""
         assert self.aligner is not None
-        logits: Tensor = self.aligner(images, goal.language, pick, yaw, places, angles)
+        logits: Tensor = self.aligner(images, goal.language, pick, yaw, places, angles, stretch)
         return logits
 
     def _seen(self, images: Tensor, goal: Goal) -> Goal:
