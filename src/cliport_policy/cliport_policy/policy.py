@@ -132,17 +132,13 @@ class Policy:
         pick = self.grid.peak(_mass(picks).reshape(self.grid.shape))
         pixel = torch.tensor([pick.pixel], dtype=torch.float32)
         yaws, places = network.score_rotations(image, aim, pixel)
-        if network.has_aligner:
-            places = self._with_fits(image, aim, pixel, yaws, places)
         primitives = network.score_primitives(image, aim)
-        return Scores(
-            picks,
-            nulls,
-            None if yaws is None else yaws[0].float(),
-            places[0].float(),
-            pick,
-            None if primitives is None else primitives[0].float(),
-        )
+        chosen = None if primitives is None else primitives[0].float()
+        if (
+            network.has_aligner and self._primitive(chosen) is Primitive.PICK_PLACE
+        ):  # what is swept or folded fits nowhere
+            places = self._with_fits(image, aim, pixel, yaws, places)
+        return Scores(picks, nulls, None if yaws is None else yaws[0].float(), places[0].float(), pick, chosen)
 
     def _with_fits(self, image: Tensor, goal: Goal, pick: Tensor, yaws: Tensor | None, places: Tensor) -> Tensor:
         """Return the places' logits (1, k, h, w), with what an aligner thinks of the likeliest."""
@@ -171,7 +167,7 @@ class Policy:
         action = PickPlaceAction(
             pick=self._pose_at(pick.pixel, pick_yaw),
             place=self._pose_at(place.pixel, place_yaw),
-            primitive=self._primitive(scores),
+            primitive=self._primitive(scores.primitives),
             confidence=min(pick_confidence, place_confidence),
         )
         inference = Inference(
@@ -186,8 +182,8 @@ class Policy:
         )
         return Explanation(inference, yaws, place_mass.sum((1, 2)))
 
-    def _primitive(self, scores: Scores) -> Primitive:
-        return self.card.primitive if scores.primitives is None else Primitive(int(scores.primitives.argmax()))
+    def _primitive(self, scores: Tensor | None) -> Primitive:
+        return self.card.primitive if scores is None else Primitive(int(scores.argmax()))
 
     def _pose_at(self, pixel: tuple[int, int], yaw: float) -> PlanarPose:
         x, y = self.workspace.pixel_to_xy(pixel[0], pixel[1])

@@ -8,7 +8,7 @@ import pytest
 import torch
 from safetensors import SafetensorError
 
-from cliport_core.action import Primitive
+from cliport_core.action import PickPlaceAction, Primitive
 from cliport_core.heightmap import Heightmap
 from cliport_core.workspace import WorkspaceSpec
 from cliport_policy import color_words
@@ -117,8 +117,22 @@ def test_the_aligner_lays_the_thing_as_it_would_be_turned_upon_the_place() -> No
     assert float(off[2]) < 1e-4 and float(off[[0, 1, 3, 4, 5, 6, 7]].min()) > 0.1
 
 
+def _acting(network: JointNetwork, sentence: str, primitive: Primitive) -> PickPlaceAction:
+    """Return what a network that chooses a primitive does in a scene of noise."""
+    workspace, encoder = WorkspaceSpec(pixel_size=0.0125), shared_encoder()
+    chosen = 9.0 * torch.nn.functional.one_hot(torch.tensor([int(primitive)]), len(Primitive))
+    network.score_primitives = lambda images, goal: chosen  # type: ignore[method-assign]
+    card, anchors = Card(network.config, workspace, "", 0.0), encoder.encode_one(sentence).sentence_vectors()
+    generator = np.random.default_rng(0)
+    shape = workspace.shape
+    color = generator.integers(0, 255, (*shape, 3), np.uint8)
+    heightmap = Heightmap(color, generator.random(shape, np.float32) * 0.1, np.ones(shape, np.bool_), workspace)
+    return Policy(network, anchors, card, encoder).infer(heightmap, sentence).action
+
+
 @torch.no_grad()
-def test_what_the_aligner_says_is_the_rotation_of_the_action() -> None:
+@pytest.mark.parametrize("primitive", Primitive)
+def test_what_the_aligner_says_is_the_rotation_of_what_is_placed(primitive: Primitive) -> None:
     network = _network()
     workspace = WorkspaceSpec(pixel_size=0.0125)
     asked: list[tuple[torch.Tensor, ...]] = []
@@ -128,14 +142,11 @@ def test_what_the_aligner_says_is_the_rotation_of_the_action() -> None:
         return -5 * (where[-1] - 3 * torch.pi / 4).abs()
 
     network.score_fits = score_fits  # type: ignore[assignment,method-assign]
-    encoder = shared_encoder()
-    sentence = "put the red blocks in a blue bowl"
-    card, anchors = Card(network.config, workspace, "", 0.0), encoder.encode_one(sentence).sentence_vectors()
-    generator = np.random.default_rng(0)
-    shape = workspace.shape
-    color = generator.integers(0, 255, (*shape, 3), np.uint8)
-    heightmap = Heightmap(color, generator.random(shape, np.float32) * 0.1, np.ones(shape, np.bool_), workspace)
-    action = Policy(network, anchors, card, encoder).infer(heightmap, sentence).action
+    action = _acting(network, "put the red blocks in a blue bowl", primitive)
+    assert action.primitive is primitive
+    if primitive is not Primitive.PICK_PLACE:
+        assert not asked, "what is swept or folded fits nowhere"
+        return
     assert math.remainder(action.place.yaw - action.pick.yaw, 2 * math.pi) == pytest.approx(3 * math.pi / 4, abs=1e-5)
     ((pick, yaw, places, angles),) = asked
     assert workspace.pixel_to_xy(*map(int, pick[0])) == pytest.approx((action.pick.x, action.pick.y))
