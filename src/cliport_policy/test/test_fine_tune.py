@@ -67,10 +67,10 @@ def test_its_recipe_is_short_and_careful(tiny_checkpoint: MakeCheckpoint) -> Non
 
 def test_a_trained_network_may_come_to_see_colours_in_another_way() -> None:
     given = ["--data", "a", "--out", "o", "--init", "multi-open-100"]
-    options = parse_options([*given, "--set", "color_reading=names", "--set", "gray_share=0.2"])
+    options = parse_options([*given, "--set", "color_reading=tokens", "--set", "gray_share=0.2"])
     assert isinstance(options.network, JointConfig) and options.initial is not None
-    assert (options.network.color_reading, options.network.gray_share) == ("names", 0.2)
-    assert replace(options.network, color_reading="tokens", gray_share=0.4) == options.initial.card.network
+    assert (options.network.color_reading, options.network.gray_share) == ("tokens", 0.2)
+    assert replace(options.network, color_reading="names", gray_share=0.4) == options.initial.card.network
     with pytest.raises(ConfigError, match=r"of another network \(goal_dim 16 not 128\)"):
         parse_options([*given, "--set", "color_reading=names", "--set", "goal_dim=16"])
 

@@ -52,9 +52,10 @@ def _network(**changes: object) -> JointNetwork:
 @pytest.mark.parametrize(
     "changes",
     [
-        {}, {"color_words": "none"}, {"color_words": "strict"}, {"gate": False}, {"context_layers": 0},
+        {}, {"color_words": "none", "color_reading": "tokens"}, {"color_words": "strict"}, {"gate": False},
+        {"context_layers": 0},
         {"null_actions": 1}, {"chooses_primitive": False}, {"aligner": False},
-        {"color_reading": "names"}, {"color_reading": "names", "color_words": "strict"},
+        {"color_reading": "tokens"}, {"color_reading": "tokens", "color_words": "strict"},
     ],
 )  # fmt: skip
 @torch.no_grad()
