@@ -85,8 +85,9 @@ class TrainConfig:
     things may lie anywhere, as blocks and bowls may, but not a rope at its frame.
     mirror_probability: share of samples that are seen in a mirror, with left and right, or top and bottom, exchanged in
     their sentences.
-    stretch_sigma: spread of the logarithms of the two factors by which what the aligner compares is stretched, its hole
-    alike, so that it meets more shapes than the demonstrations hold; every other one is mirrored. 0 does neither.
+    stretch_sigma: spread of the logarithms of the two factors by which what the aligner compares is stretched, thing
+    and hole alike, so that it meets more shapes than the demonstrations hold; every other one is mirrored.
+    bend_sigma_px: spread of the waves that bend them, too, in pixels. If both are 0, neither is done.
     jitter: True adds small errors to colours and heights.
     phrases_per_goal: number of wordings of each canonical sentence, fewer where all of them would not fit in memory.
     """
@@ -114,6 +115,7 @@ class TrainConfig:
     rearrange_probability: float = 0.0
     mirror_probability: float = 0.0
     stretch_sigma: float = 0.0
+    bend_sigma_px: float = 0.0
     jitter: bool = True
     phrases_per_goal: int = 200
     precision: str = "auto"

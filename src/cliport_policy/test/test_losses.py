@@ -9,6 +9,7 @@ from torch import Tensor, nn
 from cliport_policy.config import NetworkConfig, TrainConfig
 from cliport_policy.data.batches import Batch
 from cliport_policy.networks.policy_network import Goal
+from cliport_policy.networks.rotation import straight_cells
 from cliport_policy.training.losses import (
     WRONG_PLACES,
     WRONG_TURNS,
@@ -161,7 +162,7 @@ class _Aligner(_Flat):
     def __init__(self) -> None:
         super().__init__(36)
         self.aligned: list[tuple[Tensor, Tensor, Tensor, Tensor]] = []
-        self.stretches: list[Tensor | None] = []
+        self.cells: list[Tensor | None] = []
 
     def score_fits(
         self,
@@ -171,10 +172,10 @@ class _Aligner(_Flat):
         yaw: Tensor,
         places: Tensor,
         angles: Tensor,
-        stretch: Tensor | None = None,
+        cells: Tensor | None = None,
     ) -> Tensor:
         self.aligned.append((pick, yaw, places, angles))
-        self.stretches.append(stretch)
+        self.cells.append(cells)
         best = turn_target(torch.full((len(images),), math.pi / 2), 36)
         turns = best.gather(1, torch.round(angles / math.radians(10)).long()).clamp_min(1e-30).log()
         return torch.where((places - 9).norm(dim=-1) < 8, turns, -30.0)
@@ -216,15 +217,22 @@ def test_an_aligner_learns_from_picks_places_and_yaws_that_are_not_exact() -> No
     assert turns.min() == 0 and turns.max() == 35
 
 
-def test_an_aligner_sees_pick_and_place_stretched_alike_and_every_other_pair_mirrored() -> None:
+def test_an_aligner_sees_pick_and_place_distorted_alike_and_every_other_pair_mirrored() -> None:
     network, batch = _Aligner(), _batch(300)
-    compute_losses(network, batch, TrainConfig(stretch_sigma=0.25))  # type: ignore[arg-type]
-    compute_losses(network, batch, TrainConfig())  # type: ignore[arg-type]
-    stretch, none = network.stretches
-    assert none is None and stretch is not None
-    assert torch.allclose(stretch, stretch.mT, atol=1e-6), "along two perpendicular axes"
-    assert 0.4 < float((torch.linalg.det(stretch) < 0).float().mean()) < 0.6
-    assert 0.2 < float(torch.linalg.svdvals(stretch).log().std()) < 0.3
+    for config in (TrainConfig(stretch_sigma=0.25), TrainConfig(bend_sigma_px=2.0), TrainConfig()):
+        compute_losses(network, batch, config)  # type: ignore[arg-type]
+    stretched, bent, none = network.cells
+    assert none is None and stretched is not None and bent is not None
+    straight = straight_cells(64)
+    flat = straight.flatten(0, 1)
+    found = torch.linalg.pinv(flat) @ stretched.flatten(1, 2)  # (200, 2, 2)
+    assert torch.allclose(flat @ found, stretched.flatten(1, 2), atol=1e-3), "linear"
+    assert torch.allclose(found, found.mT, atol=1e-5), "along two perpendicular axes"
+    assert 0.4 < float((torch.linalg.det(found) < 0).float().mean()) < 0.6
+    assert 0.2 < float(torch.linalg.svdvals(found).log().std()) < 0.3
+    off = bent.norm(dim=-1) - straight.norm(dim=-1)
+    assert 1.0 < float(off[:, 16:48, 16:48].std()) < 4.0
+    assert float(bent[:, 31:33, 31:33].mean((1, 2)).norm(dim=-1).max()) < 0.5, "the middle stays"
 
 
 class _Undecided(_Aligner):
@@ -238,7 +246,7 @@ class _Undecided(_Aligner):
         yaw: Tensor,
         places: Tensor,
         angles: Tensor,
-        stretch: Tensor | None = None,
+        cells: Tensor | None = None,
     ) -> Tensor:
         return torch.zeros_like(angles)
 

@@ -11,7 +11,7 @@ from cliport_policy.errors import ConfigError
 from cliport_policy.named_configs import load_network_config
 from cliport_policy.networks.compact.network import CompactNetwork
 from cliport_policy.networks.correlation import correlate_centered
-from cliport_policy.networks.rotation import are_opposite_pairs, bin_angles, rotated_windows
+from cliport_policy.networks.rotation import are_opposite_pairs, bin_angles, rotated_windows, straight_cells
 
 SMALL = NetworkConfig(widths=(8, 12), goal_dim=16, crop_pixels=16, query_cells=9)
 
@@ -32,12 +32,12 @@ def test_a_stretched_window_shows_the_map_along_its_own_axes() -> None:
     points[0, 0, 28, 20] = (
         1.0  # 8 rows from the centre: 8 columns of a window turned by a quarter, 4 of a stretched one
     )
-    stretch = torch.diag(torch.tensor([2.0, -1.0]))[None]
-    window = rotated_windows(points, torch.tensor([[20.0, 20.0]]), torch.tensor([[math.pi / 2]]), 21, stretch)
+    cells = (straight_cells(21) @ torch.diag(torch.tensor([2.0, -1.0])))[None]
+    window = rotated_windows(points, torch.tensor([[20.0, 20.0]]), torch.tensor([[math.pi / 2]]), 21, cells)
     assert window[0, 0, 0].argmax() == 10 * 21 + 14 and window[0, 0, 0, 10, 14] == pytest.approx(1, abs=1e-4)
     assert torch.equal(
         rotated_windows(points, torch.tensor([[20.0, 20.0]]), torch.tensor([[0.3]]), 21),
-        rotated_windows(points, torch.tensor([[20.0, 20.0]]), torch.tensor([[0.3]]), 21, torch.eye(2)[None]),
+        rotated_windows(points, torch.tensor([[20.0, 20.0]]), torch.tensor([[0.3]]), 21, straight_cells(21)[None]),
     )
 
 

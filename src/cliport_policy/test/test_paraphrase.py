@@ -6,7 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cliport_policy.data.batches import Phrasebook
 from cliport_policy.data.paraphrase import paraphrase, parse_canonical
+from cliport_policy.data.phrasings import says_all
 
 CANONICAL = "put the green blocks in a yellow bowl"
 
@@ -32,7 +34,7 @@ def test_canonical_sentence_is_read_and_others_are_left_alone() -> None:
         ("pack all the toy train objects in the brown box", ("toy train",)),
         ("pack the letter V shape in the brown box", ("letter v shape",)),
         ("put the blue block on the red and green blocks", ("blue", "red and green blocks")),
-        ("put the gray star in the top star hole", ("gray", "top star")),
+        ("put the gray star in the top star hole", ("gray", "top")),
         ("push the pile of red blocks into the blue square", ("red", "blue")),
         ("move the red ring to the lighter brown side", ("red", "lighter brown side")),
         ("align the rope from front left tip to back left corner", ("front left tip", "back left corner")),
@@ -45,6 +47,21 @@ def test_every_task_has_twenty_wordings_that_keep_what_is_named(sentence: str, k
     assert not any("{" in wording for wording in found)
     assert len(found) > 100
     assert sentence.lower() in found
+
+
+def test_half_the_wordings_of_kits_say_a_colour_and_leave_the_shape_to_what_fits() -> None:
+    for side in ("", "top "):
+        sentence = f"put the gray letter M shape in the {side}letter M shape hole"
+        book = Phrasebook({sentence: 400}, np.random.default_rng(0))
+        phrases = book.all_phrases()
+        vague = [phrase for phrase in phrases if "letter m" not in phrase.lower()]
+        assert 0.35 < len(vague) / len(phrases) < 0.65
+        assert all("gray" in phrase.lower() and ("top" in phrase.lower()) is bool(side) for phrase in phrases)
+        assert [phrase for phrase in phrases if not says_all(phrase, sentence)] == vague
+        rng = np.random.default_rng(1)
+        assert any(book.draw(sentence, rng) in vague for _ in range(40))
+        assert not any(book.draw(sentence, rng, whole=True) in vague for _ in range(200))
+    assert says_all("fold it", "fold the towel"), "a sentence of no task"
 
 
 def test_evaluation_wordings_never_occur_in_training() -> None:

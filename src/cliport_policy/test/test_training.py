@@ -249,7 +249,8 @@ def test_what_an_earlier_version_began_is_resumed(flat_set: Path, tmp_path: Path
     path = tmp_path / "run" / "training_config.json"
     begun = json.loads(path.read_text())
     del begun["network"]["mask"], begun["primitive"]
-    del begun["train"]["absent_share"], begun["train"]["mirror_probability"], begun["train"]["stretch_sigma"]
+    del begun["train"]["absent_share"], begun["train"]["mirror_probability"]
+    del begun["train"]["stretch_sigma"], begun["train"]["bend_sigma_px"]
     begun["train"]["turn_weight"] = 0.0
     path.write_text(json.dumps(begun))
     _trainer(flat_set, tmp_path / "run")

@@ -27,6 +27,7 @@ from cliport_policy.data.demonstrations import Demonstration
 from cliport_policy.data.mirror import draw_mirror
 from cliport_policy.data.mixture import Drawn
 from cliport_policy.data.paraphrase import paraphrase
+from cliport_policy.data.phrasings import says_all
 from cliport_policy.data.rearrange import rearranged
 from cliport_policy.data.recolor import Recoloring, Repainting
 from cliport_policy.observation import stack_channels
@@ -88,13 +89,15 @@ class Phrasebook:
         wordings: how many are drawn of each sentence, beside the sentence itself.
         """
         self._phrases: dict[str, list[str]] = {}
+        self._whole: dict[str, list[str]] = {}  # those that name all that the sentence does
         for text in sorted(wordings):
             drawn = {paraphrase(text, rng) for _ in range(wordings[text])}
             self._phrases[text] = sorted(drawn | {text})
+            self._whole[text] = [phrase for phrase in self._phrases[text] if says_all(phrase, text)]
 
-    def draw(self, instruction: str, rng: np.random.Generator) -> str:
-        """Return a random wording of an instruction."""
-        options = self._phrases[instruction]
+    def draw(self, instruction: str, rng: np.random.Generator, whole: bool = False) -> str:
+        """Return a random wording of an instruction, with `whole` one that names all that it names."""
+        options = (self._whole if whole else self._phrases)[instruction]
         return options[int(rng.integers(len(options)))]
 
     def all_phrases(self) -> list[str]:
@@ -122,7 +125,8 @@ def make_sample(
     if config.mirror_probability and rng.random() < config.mirror_probability:
         mirror = draw_mirror(demo.instruction, rng)
     sentence = sentence if mirror is None else mirror.sentence(sentence)
-    phrase, seed = phrasebook.draw(sentence, rng), int(rng.integers(2**62))
+    # What is missing must be named: "the red piece" may be there where a red star is not.
+    phrase, seed = phrasebook.draw(sentence, rng, whole=demo.absent), int(rng.integers(2**62))
     observation = drawn.data.observation(drawn.frame)
     if config.rearrange_probability and settings.rearrange and rng.random() < config.rearrange_probability:
         observation, demo = rearranged(observation, demo, rng)

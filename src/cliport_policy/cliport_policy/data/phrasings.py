@@ -12,6 +12,7 @@ import yaml
 
 PATH = Path(__file__).parent / "phrasings.yaml"
 _COLOR_SLOTS = ("color", "first", "second", "zone")  # of one word each
+_OPTIONAL_SLOT = "side"  # of one word with a space behind it, or none
 _VERB_SLOTS = {"v": "put", "g": "pack"}  # slot of a pattern, list of the file
 
 
@@ -49,13 +50,29 @@ def reword(sentence: str, rng: np.random.Generator) -> str | None:
     return None
 
 
+def says_all(wording: str, sentence: str) -> bool:
+    """Return True if a wording of a canonical sentence names all that the sentence names; True for other sentences."""
+    for task in phrasings().tasks:
+        if match := task.sentence.fullmatch(sentence):
+            return all(named.strip() in wording.lower() for named in map(str.lower, match.groups()))
+    return True
+
+
 def is_imperative(sentence: str) -> bool:
     """Return True if a wording begins with a verb of the lists, so that "please" may stand before it."""
     return any(sentence.startswith(f"{verb} ") for verbs in phrasings().verbs.values() for verb in verbs)
 
 
 def _finder(sentence: str) -> re.Pattern[str]:
+    """Return what finds a sentence's slots; one that stands there twice has the same words both times."""
+    known: set[str] = set()
+
     def group(match: re.Match[str]) -> str:
-        return f"(?P<{match[1]}>{r'[a-z]+' if match[1] in _COLOR_SLOTS else '.+?'})"
+        slot = match[1]
+        if slot in known:
+            return f"(?P={slot})"
+        known.add(slot)
+        words = r"(?:[a-z]+ )?" if slot == _OPTIONAL_SLOT else r"[a-z]+" if slot in _COLOR_SLOTS else ".+?"
+        return f"(?P<{slot}>{words})"
 
     return re.compile(re.sub(r"\\?\{(\w+)\\?\}", group, re.escape(sentence)))

@@ -115,14 +115,14 @@ class PolicyNetwork(nn.Module, ABC):
         yaw: Tensor,
         places: Tensor,
         angles: Tensor,
-        stretch: Tensor | None = None,
+        cells: Tensor | None = None,
     ) -> Tensor:
         """Return logits (B, R) of places, each under a rotation, where has_aligner is True.
 
         They come on top of score_places: by how much more often an expert goes there than score_places has it.
         pick: (B, 2). yaw: (B,), the gripper's at the pick. places: (B, R, 2). angles: (B, R), relative to that yaw.
-        stretch: (B, 2, 2), in training: how pick and place are both stretched in the gripper's frame before they are
-        compared.
+        cells: (B, side, side, 2), in training: offsets in the gripper's frame, (column, row) in pixels, of what is
+        compared of either.
         """
         raise ValueError(f"{type(self).__name__} has no aligner: ask only where has_aligner is True")
 

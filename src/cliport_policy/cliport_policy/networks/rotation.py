@@ -20,32 +20,35 @@ def are_opposite_pairs(angles: Tensor) -> bool:
     return not odd and bool(((angles[..., half:] - angles[..., :half]).abs() - math.pi).abs().max() < 1e-4)
 
 
-def window_offsets(side: int, angles: Tensor, stretch: Tensor | None = None) -> Tensor:
+def straight_cells(side: int, device: torch.device | None = None) -> Tensor:
+    """Return the offsets (side, side, 2), (column, row), of a window's cells from its centre, in cells."""
+    line = torch.arange(side, device=device, dtype=torch.float32) - (side - 1) / 2
+    v, u = torch.meshgrid(line, line, indexing="ij")  # rows, columns
+    return torch.stack((u, v), dim=-1)
+
+
+def window_offsets(side: int, angles: Tensor, cells: Tensor | None = None) -> Tensor:
     """Return the offsets of a side x side window's cells when the window is turned by each angle.
 
     angles: (..., R) rad -> (..., R, side, side, 2) offsets (column, row) from the window's centre, in cells.
-    stretch: (..., 2, 2) matrices by which offsets are multiplied before they are turned.
+    cells: (..., side, side, 2) offsets of a window that is not turned; those of a straight grid where there are none.
     """
-    line = torch.arange(side, device=angles.device, dtype=torch.float32) - (side - 1) / 2
-    v, u = torch.meshgrid(line, line, indexing="ij")  # rows, columns
-    if stretch is not None:
-        u, v = (torch.stack((u, v), dim=-1) @ stretch[..., None, :, :].mT).unbind(-1)  # (..., side, side)
-        u, v = u[..., None, :, :], v[..., None, :, :]
+    u, v = (straight_cells(side, angles.device) if cells is None else cells[..., None, :, :, :]).unbind(-1)
     cos = torch.cos(angles)[..., None, None]
     sin = torch.sin(angles)[..., None, None]
     return torch.stack((u * cos - v * sin, u * sin + v * cos), dim=-1)
 
 
-def rotated_windows(maps: Tensor, centers: Tensor, angles: Tensor, side: int, stretch: Tensor | None = None) -> Tensor:
+def rotated_windows(maps: Tensor, centers: Tensor, angles: Tensor, side: int, cells: Tensor | None = None) -> Tensor:
     """Cut windows of the maps, turned by each angle about each centre; zero outside the map.
 
     maps: (B, C, H, W); centers: (B, 2), or (B, R, 2) one for each angle, float (row, col) in cells; angles: (B, R) rad
     -> (B, R, C, side, side). A window turned by the yaw of an object shows that object unrotated.
-    stretch: (B, 2, 2) matrices that offsets (column, row) in a turned window are multiplied by before it is cut.
+    cells: (B, side, side, 2), as window_offsets takes them.
     """
     batch, channels, height, width = maps.shape
     n = angles.shape[1]
-    offsets = window_offsets(side, angles, stretch)  # (B, R, side, side, 2)
+    offsets = window_offsets(side, angles, cells)  # (B, R, side, side, 2)
     each = centers if centers.dim() == 3 else centers[:, None]
     col = each[..., 1, None, None] + offsets[..., 0]
     row = each[..., 0, None, None] + offsets[..., 1]

@@ -12,11 +12,12 @@ from torch.nn import functional as F
 from cliport_policy.config import TrainConfig
 from cliport_policy.data.batches import Batch
 from cliport_policy.networks.policy_network import Goal, PolicyNetwork
-from cliport_policy.networks.rotation import bin_angles
+from cliport_policy.networks.rotation import bin_angles, straight_cells
 
 YAW_SIGMA = math.radians(5.0)  # softness of the targets of yaws and turns: half a bin
 HELD_SIGMA = math.radians(3.0)  # of the rotator's yaws around the right ones
 WRONG_PLACES, WRONG_TURNS = 3, 3  # places with rotations each that compete with the right place under the aligner
+BENDS = 4  # waves that bend what the aligner sees
 NEAR_PIXELS = 12  # within which a place is not a wrong one: 3 cm of pixels of 2.5 mm
 CELL_SIGMA = 0.8  # softness of the pick's and the place's target, in cells
 
@@ -95,7 +96,7 @@ class _SampleNoise:
 
     pick: (A, 2) standard normal; yaws, places: (A, k) uniform. For the aligner: turns: (A, k), wrong: (A, WRONG_PLACES)
     and elsewhere: (A, WRONG_PLACES * WRONG_TURNS) uniform; half_turn and mirrored: (A,) bool; near: (A, 2, 2),
-    held: (A,) and stretch: (A, 2) standard normal; axis: (A,) uniform.
+    held: (A,), stretch: (A, 2) and bend: (A, BENDS, 2) standard normal; axis: (A,) and waves: (A, 3, BENDS) uniform.
     """
 
     def __init__(self, seeds: Tensor, k: int, device: torch.device) -> None:
@@ -113,6 +114,7 @@ class _SampleNoise:
         self.near, self.held = normal(2, 2), normal()
         self.wrong, self.elsewhere = uniform(WRONG_PLACES), uniform(WRONG_PLACES * WRONG_TURNS)
         self.stretch, self.axis, self.mirrored = normal(2), uniform(), uniform() > 0.5
+        self.bend, self.waves = normal(BENDS, 2), uniform(3, BENDS)
 
 
 def _rotator_losses(
@@ -181,8 +183,10 @@ def _fit_losses(
     turns = (noise.elsewhere * k).long()  # (A, WRONG_PLACES * WRONG_TURNS)
     angles = bin_angles(k, images.device)[torch.cat((chosen, turns), dim=1)]
     places = torch.cat((right, wrong), dim=1)
-    stretch = _stretches(noise, config.stretch_sigma) if config.stretch_sigma else None
-    logits = network.score_fits(images, goal, batch.pick[act] + off_pick, yaw, places, angles, stretch).float()
+    cells = None
+    if config.stretch_sigma or config.bend_sigma_px:
+        cells = distorted_cells(network.config.crop_pixels, noise, config)
+    logits = network.score_fits(images, goal, batch.pick[act] + off_pick, yaw, places, angles, cells).float()
     stands_for = _shares_of_rotations(chosen.shape[1], k).to(images.device)  # (R + WRONG_PLACES * WRONG_TURNS,)
     target = bins.gather(1, chosen) * stands_for[: chosen.shape[1]]
     at_right = (target / target.sum(1, keepdim=True) * logits[:, : chosen.shape[1]]).sum(1)
@@ -200,13 +204,24 @@ def _shares_of_rotations(drawn: int, k: int) -> Tensor:
     return torch.cat((at_right, torch.full((WRONG_PLACES * WRONG_TURNS,), k / WRONG_TURNS)))
 
 
-def _stretches(noise: _SampleNoise, sigma: float) -> Tensor:
-    """Return matrices (A, 2, 2) that stretch along two perpendicular axes, turned any way, and mirror every other."""
+def distorted_cells(side: int, noise: _SampleNoise, config: TrainConfig) -> Tensor:
+    """Return the cells of crops (A, side, side, 2) as rotated_windows takes them, bent and stretched about the middle.
+
+    Waves of some 0.5 to 2 a crop bend them; then they are stretched along two perpendicular axes, turned any way, and
+    every other one is mirrored.
+    """
+    straight = straight_cells(side, noise.axis.device)
+    across, way, phase = noise.waves.unbind(1)  # (A, BENDS) each
+    rate, way = 2 * math.pi * (0.5 + 1.5 * across) / side, 2 * math.pi * way
+    along = torch.stack((rate * torch.cos(way), rate * torch.sin(way)), dim=-1)  # (A, BENDS, 2)
+    waves = torch.sin(torch.einsum("hwc,akc->akhw", straight, along) + 2 * math.pi * phase[..., None, None])
+    waves = waves - torch.sin(2 * math.pi * phase)[..., None, None]  # the middle stays where it is
+    bent = straight + config.bend_sigma_px * torch.einsum("akhw,akc->ahwc", waves, noise.bend)
     cos, sin = torch.cos(math.pi * noise.axis), torch.sin(math.pi * noise.axis)
     turn = torch.stack((torch.stack((cos, -sin), dim=1), torch.stack((sin, cos), dim=1)), dim=1)
-    factors = torch.exp(sigma * noise.stretch)
+    factors = torch.exp(config.stretch_sigma * noise.stretch)
     factors = torch.stack((factors[:, 0], factors[:, 1] * (1 - 2.0 * noise.mirrored)), dim=1)
-    return turn @ torch.diag_embed(factors) @ turn.mT
+    return torch.einsum("aij,ahwj->ahwi", turn @ torch.diag_embed(factors) @ turn.mT, bent)
 
 
 def wrong_places(scores: Tensor, place: Tensor, cell: int, noise: Tensor) -> Tensor:

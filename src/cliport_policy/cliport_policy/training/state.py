@@ -20,6 +20,7 @@ _BEFORE = {  # what earlier versions did, which had no such settings
     "train.absent_share": 0.0,
     "train.mirror_probability": 0.0,
     "train.stretch_sigma": 0.0,
+    "train.bend_sigma_px": 0.0,
     "network.aligner": False,
     "network.mask": True,
 }

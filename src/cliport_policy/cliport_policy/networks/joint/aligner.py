@@ -29,15 +29,16 @@ class Aligner(nn.Module):
         yaw: Tensor,
         places: Tensor,
         angles: Tensor,
-        stretch: Tensor | None = None,
+        cells: Tensor | None = None,
     ) -> Tensor:
         """Return logits (B, R), of each place under its rotation.
 
         x: (B, C, H, W). goal: (B, G). pick: (B, 2) float pixel (row, col). yaw: (B,) rad, of the gripper at the pick.
         places: (B, R, 2) float pixels. angles: (B, R) rad, relative to that yaw.
-        stretch: (B, 2, 2), by which both crops are stretched in the gripper's frame: what fits still fits.
+        cells: (B, side, side, 2), in training: where both crops' cells are in the gripper's frame, distorted alike, so
+        that what fits still fits.
         """
-        held = rotated_windows(x, pick, yaw[:, None], self.crop_pixels, stretch)  # (B, 1, C, side, side)
-        below = rotated_windows(x, places, yaw[:, None] + angles, self.crop_pixels, stretch)  # (B, R, C, side, side)
+        held = rotated_windows(x, pick, yaw[:, None], self.crop_pixels, cells)  # (B, 1, C, side, side)
+        below = rotated_windows(x, places, yaw[:, None] + angles, self.crop_pixels, cells)  # (B, R, C, side, side)
         scores: Tensor = self.scorer(torch.cat((held.expand_as(below), below), dim=2), goal)
         return scores

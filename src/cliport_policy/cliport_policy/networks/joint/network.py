@@ -124,11 +124,11 @@ class JointNetwork(PolicyNetwork):
         yaw: Tensor,
         places: Tensor,
         angles: Tensor,
-        stretch: Tensor | None = None,
+        cells: Tensor | None = None,
     ) -> Tensor:
         """Return logits (B, R); not without an aligner."""
         assert self.aligner is not None
-        logits: Tensor = self.aligner(images, goal.language, pick, yaw, places, angles, stretch)
+        logits: Tensor = self.aligner(images, goal.language, pick, yaw, places, angles, cells)
         return logits
 
     def _seen(self, images: Tensor, goal: Goal) -> Goal:
