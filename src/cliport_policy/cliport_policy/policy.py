@@ -134,9 +134,8 @@ class Policy:
         yaws, places = network.score_rotations(image, aim, pixel)
         primitives = network.score_primitives(image, aim)
         chosen = None if primitives is None else primitives[0].float()
-        if (
-            network.has_aligner and self._primitive(chosen) is Primitive.PICK_PLACE
-        ):  # what is swept or folded fits nowhere
+        is_placed = self._primitive(chosen) is Primitive.PICK_PLACE  # what is swept or folded fits nowhere
+        if network.has_aligner and is_placed:
             places = self._with_fits(image, aim, pixel, yaws, places)
         return Scores(picks, nulls, None if yaws is None else yaws[0].float(), places[0].float(), pick, chosen)
 

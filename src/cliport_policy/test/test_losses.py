@@ -6,6 +6,7 @@ import pytest
 import torch
 from torch import Tensor, nn
 
+from cliport_core.action import Primitive
 from cliport_policy.config import NetworkConfig, TrainConfig
 from cliport_policy.data.batches import Batch
 from cliport_policy.networks.policy_network import Goal
@@ -257,6 +258,14 @@ def test_few_rotations_of_an_aligner_stand_for_all(rotations: int) -> None:
     losses = compute_losses(_Undecided(), _batch(4), config)  # type: ignore[arg-type]
     at_right = 36 if rotations != 1 else 1
     assert float(losses.fit) == pytest.approx(math.log(at_right + 36 * WRONG_PLACES), rel=1e-5)
+
+
+def test_an_aligner_learns_nothing_from_what_is_swept_or_folded() -> None:
+    batch = _batch(4)  # three of them act
+    placed = compute_losses(_Undecided(), batch, TrainConfig())  # type: ignore[arg-type]
+    primitives = torch.tensor([Primitive.SWEEP, Primitive.PICK_PLACE, Primitive.PICK_PLACE, Primitive.FOLD])
+    mixed = compute_losses(_Undecided(), batch._replace(primitive=primitives), TrainConfig())  # type: ignore[arg-type]
+    assert float(mixed.fit) == pytest.approx(float(placed.fit) / 3)
 
 
 def test_wrong_places_are_those_that_the_scores_prefer() -> None:

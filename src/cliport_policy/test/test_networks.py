@@ -29,9 +29,8 @@ def test_window_turned_by_an_objects_yaw_shows_it_unrotated() -> None:
 
 def test_a_stretched_window_shows_the_map_along_its_own_axes() -> None:
     points = torch.zeros(1, 1, 41, 41)
-    points[0, 0, 28, 20] = (
-        1.0  # 8 rows from the centre: 8 columns of a window turned by a quarter, 4 of a stretched one
-    )
+    # 8 rows from the centre are 8 columns of a window turned by a quarter, and 4 of a stretched one.
+    points[0, 0, 28, 20] = 1.0
     cells = (straight_cells(21) @ torch.diag(torch.tensor([2.0, -1.0])))[None]
     window = rotated_windows(points, torch.tensor([[20.0, 20.0]]), torch.tensor([[math.pi / 2]]), 21, cells)
     assert window[0, 0, 0].argmax() == 10 * 21 + 14 and window[0, 0, 0, 10, 14] == pytest.approx(1, abs=1e-4)

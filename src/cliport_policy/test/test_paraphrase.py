@@ -62,6 +62,7 @@ def test_half_the_wordings_of_kits_say_a_colour_and_leave_the_shape_to_what_fits
         assert any(book.draw(sentence, rng) in vague for _ in range(40))
         assert not any(book.draw(sentence, rng, whole=True) in vague for _ in range(200))
     assert says_all("fold it", "fold the towel"), "a sentence of no task"
+    assert not says_all("Bring the red piece into its hole", "put the red ring in the ring hole"), "no ring is named"
 
 
 def test_evaluation_wordings_never_occur_in_training() -> None:

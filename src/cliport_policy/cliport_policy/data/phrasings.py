@@ -54,7 +54,9 @@ def says_all(wording: str, sentence: str) -> bool:
     """Return True if a wording of a canonical sentence names all that the sentence names; True for other sentences."""
     for task in phrasings().tasks:
         if match := task.sentence.fullmatch(sentence):
-            return all(named.strip() in wording.lower() for named in map(str.lower, match.groups()))
+            return all(
+                re.search(rf"\b{re.escape(named.strip())}\b", wording, re.IGNORECASE) for named in match.groups()
+            )
     return True
 
 

@@ -9,6 +9,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
+from cliport_core.action import Primitive
 from cliport_policy.config import TrainConfig
 from cliport_policy.data.batches import Batch
 from cliport_policy.networks.policy_network import Goal, PolicyNetwork
@@ -27,7 +28,7 @@ class Losses(NamedTuple):
 
     locator, done and absent are of the pick's softmax, summed over samples with an action, samples that are finished,
     and samples whose sentence names what is not there, each over the number of all samples; the others are means over
-    the samples with an action. fit is the aligner's.
+    the samples with an action. fit is the aligner's, 0 for what is swept or folded.
     """
 
     locator: Tensor
@@ -66,7 +67,10 @@ def compute_losses(
     rotator = _rotator_losses(network, batch, images, goal, config, noise).sum() / n_actions
     transports, best = _transport_losses(network, batch, images, goal, size, config, noise)
     transport = transports.sum() / n_actions
-    fit = _fit_losses(network, batch, images, goal, best, config, noise).sum() / n_actions
+    fits = _fit_losses(network, batch, images, goal, best, config, noise)
+    if batch.primitive is not None:  # what is swept or folded fits nowhere
+        fits = fits * (batch.primitive[act] == Primitive.PICK_PLACE)
+    fit = fits.sum() / n_actions
     primitive = _primitive_losses(network, batch, images, goal).sum() / n_actions
     return Losses(by_kind[0], rotator, transport, by_kind[1], by_kind[2], primitive, fit)
 
@@ -185,7 +189,7 @@ def _fit_losses(
     places = torch.cat((right, wrong), dim=1)
     cells = None
     if config.stretch_sigma or config.bend_sigma_px:
-        cells = distorted_cells(network.config.crop_pixels, noise, config)
+        cells = _distorted_cells(network.config.crop_pixels, noise, config)
     logits = network.score_fits(images, goal, batch.pick[act] + off_pick, yaw, places, angles, cells).float()
     stands_for = _shares_of_rotations(chosen.shape[1], k).to(images.device)  # (R + WRONG_PLACES * WRONG_TURNS,)
     target = bins.gather(1, chosen) * stands_for[: chosen.shape[1]]
@@ -204,7 +208,7 @@ def _shares_of_rotations(drawn: int, k: int) -> Tensor:
     return torch.cat((at_right, torch.full((WRONG_PLACES * WRONG_TURNS,), k / WRONG_TURNS)))
 
 
-def distorted_cells(side: int, noise: _SampleNoise, config: TrainConfig) -> Tensor:
+def _distorted_cells(side: int, noise: _SampleNoise, config: TrainConfig) -> Tensor:
     """Return the cells of crops (A, side, side, 2) as rotated_windows takes them, bent and stretched about the middle.
 
     Waves of some 0.5 to 2 a crop bend them; then they are stretched along two perpendicular axes, turned any way, and
