@@ -24,7 +24,7 @@ from cliport_policy.inference import AffordanceMaps, Explanation, Inference
 from cliport_policy.language import ENCODER_NAME, TextEncoder, TokenEmbeddings, shared_encoder
 from cliport_policy.memory import release_unused
 from cliport_policy.networks.factory import compile_network, restore_network
-from cliport_policy.networks.policy_network import Goal, PolicyNetwork
+from cliport_policy.networks.policy_network import Goal, Placings, PolicyNetwork
 from cliport_policy.networks.rotation import bin_angles
 from cliport_policy.observation import observation_tensor
 from cliport_policy.peaks import CellGrid, Peak, best_rotation, with_fits
@@ -145,7 +145,8 @@ class Policy:
         angles = bin_angles(self.card.network.n_rotations)
         yaw = angles[:1] if yaws is None else angles[yaws.argmax(1)]
         pairs = torch.tensor([[peak.pixel for peak in candidates for _ in angles]], dtype=torch.float32)
-        fits = self._network.score_fits(image, goal, pick, yaw, pairs, angles.repeat(len(candidates))[None])
+        placings = Placings(pick, yaw, pairs, angles.repeat(len(candidates))[None])
+        fits = self._network.score_fits(image, goal, placings)
         return with_fits(places[0].float(), candidates, fits[0].float().reshape(len(candidates), -1))[None]
 
     def place_peak(self, scores: Scores) -> Peak:

@@ -22,7 +22,8 @@ from cliport_policy.named_configs import load_network_config, network_config_fro
 from cliport_policy.networks.factory import build_network
 from cliport_policy.networks.joint.color_words import scaled_lab
 from cliport_policy.networks.joint.network import JointNetwork
-from cliport_policy.networks.rotation import bin_angles
+from cliport_policy.networks.policy_network import Placings
+from cliport_policy.networks.rotation import bin_angles, straight_cells
 from cliport_policy.observation import observation_tensor
 from cliport_policy.policy import Policy, load_policy
 
@@ -82,22 +83,24 @@ def test_an_aligner_sees_pick_and_place_from_the_gripper() -> None:
     goal = network.encode_goal(["put the red blocks in a blue bowl"])
     pick, angles = torch.tensor([[9.5, 10.5]]), bin_angles(8)[None]
     places = torch.tensor([[20.5, 21.5]]).expand(1, 8, 2)
-    scores = network.score_fits(images, goal, pick, torch.tensor([0.3]), places, angles)
+    scores = network.score_fits(images, goal, Placings(pick, torch.tensor([0.3]), places, angles))
     assert scores.shape == (1, 8) and float(scores.std()) > 1e-3
     # By a quarter turn of the whole scene about its middle, from columns to rows, nothing changes for the gripper.
     turned = torch.rot90(images, -1, (2, 3))
     pick, places = (torch.stack((pixel[..., 1], 31 - pixel[..., 0]), dim=-1) for pixel in (pick, places))
-    again = network.score_fits(turned, goal, pick, torch.tensor([0.3 + torch.pi / 2]), places, angles)
+    again = network.score_fits(turned, goal, Placings(pick, torch.tensor([0.3 + torch.pi / 2]), places, angles))
     assert torch.allclose(again, scores, atol=1e-4)
-    half = network.score_fits(turned, goal, pick, torch.tensor([0.3 - torch.pi / 2]), places, angles)
+    half = network.score_fits(turned, goal, Placings(pick, torch.tensor([0.3 - torch.pi / 2]), places, angles))
     assert not torch.allclose(half, scores, atol=1e-3), "it sees how the thing lies in the gripper"
-    one = network.score_fits(turned, goal, pick, torch.tensor([0.3 + torch.pi / 2]), places[:, 3:4], angles[:, 3:4])
+    one = network.score_fits(
+        turned, goal, Placings(pick, torch.tensor([0.3 + torch.pi / 2]), places[:, 3:4], angles[:, 3:4])
+    )
     assert torch.allclose(one, scores[:, 3:4], atol=1e-4)
     assert network.has_aligner and not _network(aligner=False).has_aligner
     without = build_network(load_network_config("compact", {"widths": (8, 12, 16)}))
     assert not without.has_aligner
     with pytest.raises(ValueError, match="CompactNetwork has no aligner"):
-        without.score_fits(images, goal, pick, torch.tensor([0.3]), places, angles)
+        without.score_fits(images, goal, Placings(pick, torch.tensor([0.3]), places, angles))
 
 
 @torch.no_grad()
@@ -111,11 +114,20 @@ def test_the_aligner_lays_the_thing_as_it_would_be_turned_upon_the_place() -> No
     network.aligner.scorer.register_forward_pre_hook(lambda _, inputs: seen.append(inputs[0]))
     goal = network.encode_goal(["put the red blocks in a blue bowl"])
     pick, angles = torch.tensor([[9.5, 10.5]]), bin_angles(8)[None]
-    network.score_fits(images, goal, pick, torch.zeros(1), torch.tensor([[20.5, 21.5]]).expand(1, 8, 2), angles)
+    network.score_fits(
+        images, goal, Placings(pick, torch.zeros(1), torch.tensor([[20.5, 21.5]]).expand(1, 8, 2), angles)
+    )
     held, below = seen[0][0].split(5, dim=1)  # (8, 5, 8, 8) each
     assert torch.allclose(held[0], patch, atol=1e-5)
     off = (held - below).abs().amax((1, 2, 3))
     assert float(off[2]) < 1e-4 and float(off[[0, 1, 3, 4, 5, 6, 7]].min()) > 0.1
+    # What fits still fits when both are seen smaller and mirrored.
+    cells = (straight_cells(8) @ torch.tensor([[0.7, 0.2], [0.2, -0.6]]))[None]
+    places = torch.tensor([[20.5, 21.5]]).expand(1, 8, 2)
+    network.score_fits(images, goal, Placings(pick, torch.zeros(1), places, angles, cells))
+    smaller, below = seen[1][0].split(5, dim=1)
+    off = (smaller - below).abs().amax((1, 2, 3))
+    assert float(off[2]) < 1e-4 and float((smaller - held).abs().max()) > 0.1
 
 
 def _acting(network: JointNetwork, sentence: str, primitive: Primitive) -> PickPlaceAction:
@@ -136,11 +148,11 @@ def _acting(network: JointNetwork, sentence: str, primitive: Primitive) -> PickP
 def test_what_the_aligner_says_is_the_rotation_of_what_is_placed(primitive: Primitive) -> None:
     network = _network()
     workspace = WorkspaceSpec(pixel_size=0.0125)
-    asked: list[tuple[torch.Tensor, ...]] = []
+    asked: list[Placings] = []
 
-    def score_fits(images: torch.Tensor, goal: object, *where: torch.Tensor) -> torch.Tensor:
-        asked.append(where)
-        return -5 * (where[-1] - 3 * torch.pi / 4).abs()
+    def score_fits(images: torch.Tensor, goal: object, placings: Placings) -> torch.Tensor:
+        asked.append(placings)
+        return -5 * (placings.angles - 3 * torch.pi / 4).abs()
 
     network.score_fits = score_fits  # type: ignore[assignment,method-assign]
     action = _acting(network, "put the red blocks in a blue bowl", primitive)
@@ -149,7 +161,7 @@ def test_what_the_aligner_says_is_the_rotation_of_what_is_placed(primitive: Prim
         assert not asked, "what is swept or folded fits nowhere"
         return
     assert math.remainder(action.place.yaw - action.pick.yaw, 2 * math.pi) == pytest.approx(3 * math.pi / 4, abs=1e-5)
-    ((pick, yaw, places, angles),) = asked
+    ((pick, yaw, places, angles, _),) = asked
     assert workspace.pixel_to_xy(*map(int, pick[0])) == pytest.approx((action.pick.x, action.pick.y))
     assert float(yaw[0]) == pytest.approx(action.pick.yaw % (2 * math.pi), abs=1e-5)
     assert places.shape == (1, 8 * len(places[0].unique(dim=0)), 2) and angles.shape == places.shape[:2]

@@ -9,7 +9,7 @@ from torch import Tensor, nn
 from cliport_core.action import Primitive
 from cliport_policy.config import NetworkConfig, TrainConfig
 from cliport_policy.data.batches import Batch
-from cliport_policy.networks.policy_network import Goal
+from cliport_policy.networks.policy_network import Goal, Placings
 from cliport_policy.networks.rotation import straight_cells
 from cliport_policy.training.losses import (
     WRONG_PLACES,
@@ -162,21 +162,11 @@ class _Aligner(_Flat):
 
     def __init__(self) -> None:
         super().__init__(36)
-        self.aligned: list[tuple[Tensor, Tensor, Tensor, Tensor]] = []
-        self.cells: list[Tensor | None] = []
+        self.asked_fits: list[Placings] = []
 
-    def score_fits(
-        self,
-        images: Tensor,
-        goal: Goal,
-        pick: Tensor,
-        yaw: Tensor,
-        places: Tensor,
-        angles: Tensor,
-        cells: Tensor | None = None,
-    ) -> Tensor:
-        self.aligned.append((pick, yaw, places, angles))
-        self.cells.append(cells)
+    def score_fits(self, images: Tensor, goal: Goal, placings: Placings) -> Tensor:
+        self.asked_fits.append(placings)
+        _, _, places, angles, _ = placings
         best = turn_target(torch.full((len(images),), math.pi / 2), 36)
         turns = best.gather(1, torch.round(angles / math.radians(10)).long()).clamp_min(1e-30).log()
         return torch.where((places - 9).norm(dim=-1) < 8, turns, -30.0)
@@ -190,7 +180,7 @@ def test_an_aligner_learns_the_turn_at_the_experts_place(rotations: int) -> None
     network, batch = _Aligner(), _batch(4)
     config = TrainConfig(rotator_rotations=rotations, jitter=False)
     losses = compute_losses(network, batch, config)  # type: ignore[arg-type]
-    ((pick, yaw, places, angles),) = network.aligned
+    ((pick, yaw, places, angles, _),) = network.asked_fits
     count = rotations or 36
     assert angles.shape == places.shape[:2] == (3, count + WRONG_PLACES * WRONG_TURNS)
     assert torch.equal(pick, batch.pick[batch.acts])
@@ -205,7 +195,7 @@ def test_an_aligner_learns_the_turn_at_the_experts_place(rotations: int) -> None
 def test_an_aligner_learns_from_picks_places_and_yaws_that_are_not_exact() -> None:
     network, batch = _Aligner(), _batch(40)
     compute_losses(network, batch, TrainConfig())  # type: ignore[arg-type]
-    ((pick, yaw, places, angles),) = network.aligned
+    ((pick, yaw, places, angles, _),) = network.asked_fits
     for off in (pick - batch.pick[batch.acts], places[:, 0] - batch.place[batch.acts]):
         assert 0.7 < float(off.std()) < 1.3
     off = (yaw - batch.pick_yaw[batch.acts] + math.pi / 2).remainder(math.pi) - math.pi / 2
@@ -222,7 +212,7 @@ def test_an_aligner_sees_pick_and_place_distorted_alike_and_every_other_pair_mir
     network, batch = _Aligner(), _batch(300)
     for config in (TrainConfig(stretch_sigma=0.25), TrainConfig(bend_sigma_px=2.0), TrainConfig()):
         compute_losses(network, batch, config)  # type: ignore[arg-type]
-    stretched, bent, none = network.cells
+    stretched, bent, none = (placings.cells for placings in network.asked_fits)
     assert none is None and stretched is not None and bent is not None
     straight = straight_cells(64)
     flat = straight.flatten(0, 1)
@@ -239,17 +229,8 @@ def test_an_aligner_sees_pick_and_place_distorted_alike_and_every_other_pair_mir
 class _Undecided(_Aligner):
     """It says that all fits alike."""
 
-    def score_fits(
-        self,
-        images: Tensor,
-        goal: Goal,
-        pick: Tensor,
-        yaw: Tensor,
-        places: Tensor,
-        angles: Tensor,
-        cells: Tensor | None = None,
-    ) -> Tensor:
-        return torch.zeros_like(angles)
+    def score_fits(self, images: Tensor, goal: Goal, placings: Placings) -> Tensor:
+        return torch.zeros_like(placings.angles)
 
 
 @pytest.mark.parametrize("rotations", [0, 12, 1])

@@ -21,7 +21,7 @@ from cliport_policy.encoders.efficientnet import load_efficientnet
 from cliport_policy.joint_config import JointConfig
 from cliport_policy.named_configs import load_network_config
 from cliport_policy.networks.factory import build_network
-from cliport_policy.networks.policy_network import PolicyNetwork, count_parameters
+from cliport_policy.networks.policy_network import Placings, PolicyNetwork, count_parameters
 from cliport_policy.networks.rotation import bin_angles
 
 SENTENCES = ["put the red blocks in a green bowl", "align the rope"]
@@ -130,7 +130,7 @@ def test_fixed_weights_give_the_recorded_scores(name: str) -> None:
     angles = bin_angles(network.config.n_rotations).expand(2, -1)
     places = pick.flip(0)[:, None].expand(-1, angles.shape[1], -1)
     if network.has_aligner:
-        scores.append(network.score_fits(images, goal, pick, angles[:, 1], places, angles))
+        scores.append(network.score_fits(images, goal, Placings(pick, angles[:, 1], places, angles)))
     _check([each for each in scores if each is not None], RECORDED[name])
 
 

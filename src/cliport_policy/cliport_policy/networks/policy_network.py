@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from typing import NamedTuple
 
 from torch import Tensor, nn
 
@@ -36,6 +37,21 @@ class Goal:
             if field.name != "seen"
         }
         return Goal(**one, seen=tuple(features[index] for features in self.seen))
+
+
+class Placings(NamedTuple):
+    """Batch of picks, and R places with a rotation each that what is picked may be put down at.
+
+    pick: (B, 2) float pixel. yaw: (B,) rad, the gripper's there. places: (B, R, 2) float pixels. angles: (B, R) rad,
+    relative to that yaw. cells: (B, side, side, 2), in training: offsets (column, row) in the gripper's frame, in
+    pixels, of what is compared of pick and place, distorted alike, so that what fits still fits.
+    """
+
+    pick: Tensor
+    yaw: Tensor
+    places: Tensor
+    angles: Tensor
+    cells: Tensor | None = None
 
 
 class PolicyNetwork(nn.Module, ABC):
@@ -107,22 +123,10 @@ class PolicyNetwork(nn.Module, ABC):
         pick: (B, 2). angles: (B, R), relative to the pick's yaw.
         """
 
-    def score_fits(
-        self,
-        images: Tensor,
-        goal: Goal,
-        pick: Tensor,
-        yaw: Tensor,
-        places: Tensor,
-        angles: Tensor,
-        cells: Tensor | None = None,
-    ) -> Tensor:
+    def score_fits(self, images: Tensor, goal: Goal, placings: Placings) -> Tensor:
         """Return logits (B, R) of places, each under a rotation, where has_aligner is True.
 
         They come on top of score_places: by how much more often an expert goes there than score_places has it.
-        pick: (B, 2). yaw: (B,), the gripper's at the pick. places: (B, R, 2). angles: (B, R), relative to that yaw.
-        cells: (B, side, side, 2), in training: offsets in the gripper's frame, (column, row) in pixels, of what is
-        compared of either.
         """
         raise ValueError(f"{type(self).__name__} has no aligner: ask only where has_aligner is True")
 

@@ -12,7 +12,7 @@ from torch.nn import functional as F
 from cliport_core.action import Primitive
 from cliport_policy.config import TrainConfig
 from cliport_policy.data.batches import Batch
-from cliport_policy.networks.policy_network import Goal, PolicyNetwork
+from cliport_policy.networks.policy_network import Goal, Placings, PolicyNetwork
 from cliport_policy.networks.rotation import bin_angles, straight_cells
 
 YAW_SIGMA = math.radians(5.0)  # softness of the targets of yaws and turns: half a bin
@@ -190,7 +190,8 @@ def _fit_losses(
     cells = None
     if config.stretch_sigma or config.bend_sigma_px:
         cells = _distorted_cells(network.config.crop_pixels, noise, config)
-    logits = network.score_fits(images, goal, batch.pick[act] + off_pick, yaw, places, angles, cells).float()
+    placings = Placings(batch.pick[act] + off_pick, yaw, places, angles, cells)
+    logits = network.score_fits(images, goal, placings).float()
     stands_for = _shares_of_rotations(chosen.shape[1], k).to(images.device)  # (R + WRONG_PLACES * WRONG_TURNS,)
     target = bins.gather(1, chosen) * stands_for[: chosen.shape[1]]
     at_right = (target / target.sum(1, keepdim=True) * logits[:, : chosen.shape[1]]).sum(1)

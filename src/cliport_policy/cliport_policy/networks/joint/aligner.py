@@ -6,6 +6,7 @@ import torch
 from torch import Tensor, nn
 
 from cliport_policy.networks.compact.rotator import CropScorer
+from cliport_policy.networks.policy_network import Placings
 from cliport_policy.networks.rotation import rotated_windows
 
 
@@ -21,23 +22,9 @@ class Aligner(nn.Module):
         self.crop_pixels = crop_pixels
         self.scorer = CropScorer(2 * channels_in, goal_dim, crop_pixels)
 
-    def forward(
-        self,
-        x: Tensor,
-        goal: Tensor,
-        pick: Tensor,
-        yaw: Tensor,
-        places: Tensor,
-        angles: Tensor,
-        cells: Tensor | None = None,
-    ) -> Tensor:
-        """Return logits (B, R), of each place under its rotation.
-
-        x: (B, C, H, W). goal: (B, G). pick: (B, 2) float pixel (row, col). yaw: (B,) rad, of the gripper at the pick.
-        places: (B, R, 2) float pixels. angles: (B, R) rad, relative to that yaw.
-        cells: (B, side, side, 2), in training: where both crops' cells are in the gripper's frame, distorted alike, so
-        that what fits still fits.
-        """
+    def forward(self, x: Tensor, goal: Tensor, placings: Placings) -> Tensor:
+        """Return logits (B, R), of each place under its rotation. x: (B, C, H, W). goal: (B, G)."""
+        pick, yaw, places, angles, cells = placings
         held = rotated_windows(x, pick, yaw[:, None], self.crop_pixels, cells)  # (B, 1, C, side, side)
         below = rotated_windows(x, places, yaw[:, None] + angles, self.crop_pixels, cells)  # (B, R, C, side, side)
         scores: Tensor = self.scorer(torch.cat((held.expand_as(below), below), dim=2), goal)

@@ -19,7 +19,7 @@ from cliport_policy.networks.joint.aligner import Aligner
 from cliport_policy.networks.joint.color_maps import ColorMaps, without_colors
 from cliport_policy.networks.joint.transport import GatedTransport
 from cliport_policy.networks.joint.trunk import Decoder, Encoder, pooled
-from cliport_policy.networks.policy_network import Goal, PolicyNetwork
+from cliport_policy.networks.policy_network import Goal, Placings, PolicyNetwork
 from cliport_policy.observation import CHANNELS
 
 _HEAD_WIDTH = 96
@@ -116,19 +116,10 @@ class JointNetwork(PolicyNetwork):
         goal = self._seen(images, goal)
         return self.transport(self.place_decoder(goal.seen[:-1], goal.language), pick, angles)
 
-    def score_fits(
-        self,
-        images: Tensor,
-        goal: Goal,
-        pick: Tensor,
-        yaw: Tensor,
-        places: Tensor,
-        angles: Tensor,
-        cells: Tensor | None = None,
-    ) -> Tensor:
+    def score_fits(self, images: Tensor, goal: Goal, placings: Placings) -> Tensor:
         """Return logits (B, R); not without an aligner."""
         assert self.aligner is not None
-        logits: Tensor = self.aligner(images, goal.language, pick, yaw, places, angles, cells)
+        logits: Tensor = self.aligner(images, goal.language, placings)
         return logits
 
     def _seen(self, images: Tensor, goal: Goal) -> Goal:
