@@ -33,6 +33,7 @@ setup(
             "experiment = cliport_benchmark.experiment_cli:main",
             "mounting_curve = cliport_benchmark.mounting_curve:main",
             "depth_error = cliport_benchmark.depth_error:main",
+            "understanding = cliport_benchmark.understanding_cli:main",
             "gallery = cliport_benchmark.gallery_cli:main",
         ]
     },

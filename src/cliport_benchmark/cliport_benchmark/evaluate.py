@@ -22,7 +22,7 @@ from cliport_benchmark.own_setup import OwnSetup
 from cliport_benchmark.parallel import run_parallel
 from cliport_benchmark.policy_facts import policy_facts
 from cliport_benchmark.ray_cluster import RayCluster
-from cliport_benchmark.survey_colors import LEAST_DISTANCE, draw_colors, paint_of
+from cliport_benchmark.survey_colors import LEAST_DISTANCE, paint
 from cliport_benchmark.variation import Variation
 from cliport_benchmark.wording import Wording
 from sim_bridge.errors import LayoutError, PhysicsError, SimBridgeError
@@ -151,8 +151,7 @@ class Evaluator:
         """Choose what the scene's colours look like, and return the wording that says it."""
         if not self.config.survey_colors:
             return self.config.wording
-        names = draw_colors(make_task(self.config.task, self.config.split), seed)
-        self.world.paints = {color: paint_of(name) for color, name in names.items()}
+        names = paint(self.world, make_task(self.config.task, self.config.split), seed)
         return dataclasses.replace(self.config.wording, synonyms=names)
 
     def _sentence(self, task: Task, wording: Wording, index: int) -> str:

@@ -15,6 +15,7 @@ from sim_bridge.colors import COLORS, Rgb
 from sim_bridge.rendering.appearance import Appearance
 from sim_bridge.scene import Stream, scene_rng
 from sim_bridge.tasks import Task
+from sim_bridge.world import SimWorld
 
 KEPT = "brown"  # looks and is called as ever: so are boxes, stands and kits, which sentences name too
 LEAST_DISTANCE = 30.0  # in CIELAB, between any two colours of a scene, from brown and from the table's
@@ -48,6 +49,13 @@ def draw_colors(task: Task, seed: int) -> dict[str, str]:
         if len(chosen) == len(changed):
             return dict(zip(changed, (names[i].replace("/", " ") for i in chosen), strict=True))
     raise OptionError(f"the survey has no {len(changed)} colours that are {LEAST_DISTANCE} apart")
+
+
+def paint(world: SimWorld, task: Task, seed: int) -> dict[str, str]:
+    """Give a world the paints of a seed's scene, which is made afterwards; return the names as draw_colors does."""
+    names = draw_colors(task, seed)
+    world.paints = {color: paint_of(name) for color, name in names.items()}
+    return names
 
 
 def paint_of(name: str) -> Rgb:

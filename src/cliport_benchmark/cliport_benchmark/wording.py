@@ -9,6 +9,22 @@ from pathlib import Path
 
 from cliport_benchmark.errors import OptionError
 from sim_bridge.colors import COLORS
+from sim_bridge.tasks import Task
+
+_HELD_OUT = {
+    "align-rope": "align-rope",
+    "assembling-kits-seq": "assembling-kits-seq",
+    "packing-box-pairs": "packing-box-pairs",
+    "packing-seen-google-objects-group": "packing-google-objects-group",
+    "packing-seen-google-objects-seq": "packing-shapes",
+    "packing-unseen-google-objects-group": "packing-google-objects-group",
+    "packing-unseen-google-objects-seq": "packing-shapes",
+    "packing-unseen-shapes": "packing-shapes",
+    "put-blocks-in-bowls": "put-blocks-in-bowls",
+    "separating-piles": "separating-piles",
+    "stack-block-pyramid-seq": "stack-block-pyramid-seq",
+    "towers-of-hanoi-seq": "towers-of-hanoi-seq",
+}  # tasks by the beginning of their names, and the files of their wordings
 
 
 @dataclass(frozen=True)
@@ -34,6 +50,18 @@ class Wording:
             return text
         colors = "|".join(map(re.escape, self.synonyms))
         return re.sub(rf"\b(?:{colors})\b", lambda found: self.synonyms[found.group()], text)
+
+
+def held_out_patterns(task: Task) -> tuple[str, ...]:
+    """Return the wordings of a task that no training may use.
+
+    Raises:
+        OptionError: for a task that has none.
+    """
+    for beginning, name in _HELD_OUT.items():
+        if task.name.startswith(beginning):
+            return load_patterns(Path(__file__).parent / "phrasings" / f"{name}.txt", task.sentence_pattern)
+    raise OptionError(f"{task.name} has no held-out wordings: choose one of the 18 language splits")
 
 
 def load_patterns(path: Path, own: str) -> tuple[str, ...]:

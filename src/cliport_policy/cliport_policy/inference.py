@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import Enum
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,13 @@ class AffordanceMaps:
 
     pick: NDArray[np.float32]
     place: NDArray[np.float32]
+
+
+class NullAction(Enum):
+    """Reason to do nothing."""
+
+    DONE = "done"  # nothing remains to be done for the instruction
+    ABSENT = "not here"  # what it names is not to be seen
 
 
 @dataclass(frozen=True)
@@ -46,6 +54,12 @@ class Inference:
     def confidence(self) -> float:
         """Lesser confidence of pick and place."""
         return min(self.pick_confidence, self.place_confidence)
+
+    def null_action(self, done_threshold: float, absent_threshold: float) -> NullAction | None:
+        """Return why nothing is to be done, each reason from its threshold of probability on; None for an action."""
+        if self.done_probability >= done_threshold:
+            return NullAction.DONE
+        return NullAction.ABSENT if self.absent_probability >= absent_threshold else None
 
 
 @dataclass(frozen=True, eq=False)

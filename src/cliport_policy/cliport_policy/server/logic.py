@@ -16,7 +16,7 @@ from cliport_core.new_id import new_id
 from cliport_core.outcome import ActionResult, Outcome
 from cliport_core.policy_state import PolicyState, ServerStatus
 from cliport_policy.errors import PolicyError
-from cliport_policy.inference import Inference
+from cliport_policy.inference import Inference, NullAction
 from cliport_policy.server.goal_tracker import GoalPhase, GoalTracker
 from cliport_policy.server.types import BUSY, TRY_AGAIN, Answer, ExecutorPort, Moment, ServerConfig, ServerEffects
 from cliport_policy.server.wording import NOT_RESUMED, NOT_TOLD, STOPPED, ended_words, excerpt, one_line, unseen_words
@@ -158,10 +158,11 @@ class PolicyServer:
         if token != self._token or self._status.state != PolicyState.PROPOSING:
             return
         config, step = self.config, self._status.step
-        if inference.done_probability >= config.done_threshold:
+        nothing = inference.null_action(config.done_threshold, config.absent_threshold)
+        if nothing is NullAction.DONE:
             done = f"the goal looks reached after {step} steps" if step else "the goal looks reached already"
             self._enter(PolicyState.DONE, done)
-        elif inference.absent_probability >= config.absent_threshold:
+        elif nothing is NullAction.ABSENT:
             self._fail(f"what '{self._status.instruction}' names is not to be seen")
         elif step >= config.max_steps:
             self._fail(f"step limit of {config.max_steps} reached")

@@ -1,0 +1,176 @@
+"""`ros2 run cliport_benchmark understanding`: how well a policy understands sentences, without acting on them."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections.abc import Sequence
+from contextlib import closing
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import cv2
+
+from cliport_benchmark.errors import BenchmarkError, OptionError
+from cliport_benchmark.json_files import check_writable, write_json
+from cliport_benchmark.parallel import run_parallel
+from cliport_benchmark.policy_facts import policy_facts
+from cliport_benchmark.provenance import command_line, machine
+from cliport_benchmark.task_names import task_names
+from cliport_benchmark.understanding import Asked, Examiner, Question, shares
+from cliport_benchmark.wording import held_out_patterns
+from cliport_core.command_line import CommandParser
+from cliport_core.source_state import source_state
+from cliport_policy.errors import PolicyError
+from cliport_policy.policy import load_policy
+from sim_bridge.errors import SimBridgeError
+from sim_bridge.tasks import Task, make_task
+
+Scene = tuple[str, int, int]  # task, seed, and which of the wordings
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the command; return 0 when the report was written, 1 on an error, 2 on a wrong command line."""
+    argv = sys.argv[1:] if arguments is None else arguments
+    options = _parser().parse_args(argv)
+    start = time.monotonic()
+    try:
+        tasks = _tasks(options)
+        check_writable(options.out)
+        facts = policy_facts(options.checkpoint)
+        questions = _examine(options, [task.name for task in tasks])
+        report = {
+            "checkpoint": options.checkpoint,
+            **facts,
+            "split": options.split,
+            "first_seed": options.first_seed,
+            "episodes": options.episodes,
+            "survey_colors": options.survey_colors,
+            **shares(questions),
+            "wrong": [vars(question) for question in questions if not question.right],
+            **source_state().to_dict(),
+            "wall_s": round(time.monotonic() - start, 1),
+            "command": command_line("understanding", argv),
+            "machine": machine(),
+        }
+        write_json(options.out, report)
+    except (BenchmarkError, SimBridgeError, PolicyError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        print("error: interrupted; nothing was written", file=sys.stderr)
+        return 130
+    print(table(report))
+    print(f"written: {options.out}, with every wrong answer")
+    return 0
+
+
+def _tasks(options: argparse.Namespace) -> list[Task]:
+    """Return the tasks that are asked about.
+
+    Raises:
+        OptionError: on numbers that make no questions, and tasks that cannot be asked about.
+    """
+    for name, value, least in (
+        ("--first-seed", options.first_seed, 0),
+        ("--episodes", options.episodes, 1),
+        ("--processes", options.processes, 1),
+    ):
+        if value < least:
+            raise OptionError(f"{name} must be {least} or more, got {value}")
+    tasks = [make_task(name, options.split) for name in task_names(options.task)]
+    for task in tasks:
+        held_out_patterns(task)
+        if options.survey_colors and task.object_source:
+            raise OptionError(f"--survey-colors cannot paint the things of {task.name}: leave it out of --task")
+    return tasks
+
+
+def _examine(options: argparse.Namespace, tasks: Sequence[str]) -> list[Question]:
+    """Return all questions in the order of tasks and seeds."""
+    scenes = [(task, options.first_seed + i, i) for task in tasks for i in range(options.episodes)]
+    set_up = partial(_set_up, options.checkpoint, options.split, options.survey_colors)
+    found: dict[Scene, list[Question]] = {}
+    with closing(run_parallel(_ask, scenes, options.processes, set_up)) as results:
+        for scene, answers in results:
+            if isinstance(answers, str):
+                raise BenchmarkError(answers)
+            found[scene] = answers
+            right = sum(question.right for question in answers)
+            print(
+                f"[{len(found)}/{len(scenes)}] {scene[0]} seed {scene[1]}: {right} of {len(answers)} answers right",
+                flush=True,
+            )
+    return [question for scene in scenes for question in found[scene]]
+
+
+_examiner: Examiner | str | None = None  # of this worker process; a string says why there is none
+
+
+def _set_up(checkpoint: str, split: str, survey_colors: bool) -> None:
+    global _examiner
+    import torch
+
+    cv2.setNumThreads(1)
+    torch.set_num_threads(1)
+    try:
+        _examiner = Examiner(load_policy(checkpoint), split, survey_colors)
+    except (BenchmarkError, SimBridgeError, PolicyError) as error:
+        _examiner = str(error)
+
+
+def _ask(scene: Scene) -> list[Question] | str:
+    """Return the answers, or the reason why there are none: errors cross processes as text."""
+    if not isinstance(_examiner, Examiner):
+        return _examiner or "the worker was not set up"
+    task, seed, index = scene
+    try:
+        return _examiner.examine(task, seed, index)
+    except (BenchmarkError, SimBridgeError, PolicyError) as error:
+        return f"{task}, seed {seed}: {error}"
+
+
+def table(report: dict[str, Any]) -> str:
+    """Return a table for a terminal: right answers of those asked, of each kind and task."""
+    kinds = [kind.value for kind in Asked]
+    rows = [*report["tasks"].items(), ("all", report["all"])]
+    width = max(len(task) for task, _ in rows)
+    lines = [" " * width + "".join(f"{kind:>20}" for kind in kinds)]
+    for task, counts in rows:
+        cells = (f"{counts[kind]['right']} of {counts[kind]['asked']}" for kind in kinds)
+        lines.append(f"{task:<{width}}" + "".join(f"{cell:>20}" for cell in cells))
+    total = report["all"]
+    words = total[Asked.WORDING.value]
+    lines.append(
+        f"held-out wordings: thing right in {words['thing_right']}, place in {words['place_right']} "
+        f"of {words['asked']}; work is left, but answered {_others(total[Asked.OPEN.value])}"
+    )
+    return "\n".join(lines)
+
+
+def _others(counts: dict[str, Any]) -> str:
+    wrong = {answer: n for answer, n in counts["answers"].items() if answer != "act"}
+    return ", ".join(f"'{answer}' {n} times" for answer, n in sorted(wrong.items())) or "nothing else"
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = CommandParser(prog="understanding", description="Ask a policy about scenes, and judge its answers.")
+    parser.add_argument("--checkpoint", default="default", help="path, or name of a shipped one")
+    parser.add_argument("--task", default="all", help="names with commas between, or all 18 language splits")
+    parser.add_argument("--split", default="test", help="train, val or test")
+    parser.add_argument("--first-seed", type=int, default=0, help="seed of the first scene of each task")
+    parser.add_argument("--episodes", type=int, default=9, help="scenes of each task")
+    parser.add_argument("--processes", type=int, default=2)
+    parser.add_argument(
+        "--survey-colors",
+        action="store_true",
+        help="paint and name the things in colours of a survey, which no demonstration named",
+    )
+    parser.add_argument("--out", type=Path, default=Path("out/understanding.json"), help="JSON file of the answers")
+    return parser
+
+
+if __name__ == "__main__":
+    sys.exit(main())
