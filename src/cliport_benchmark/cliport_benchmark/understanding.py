@@ -41,16 +41,20 @@ class Asked(Enum):
     """Kind of a question, by what would be right."""
 
     WORDING = "held-out wording"  # the right thing to the right place
-    OPEN = "work is left"  # an action, whichever
+    OPEN = "work is left"  # an action, whichever: the task's own sentence
     REACHED = "goal is reached"  # done
     ABSENT = "thing is not here"  # not here
+
+
+_JUDGED = (Asked.WORDING, Asked.OPEN)  # what an action would mean is known
 
 
 @dataclass(frozen=True)
 class Question:
     """One question and its answer: "act", or the null action's name, or "refused".
 
-    picked, place: what an action would take and where it would put it, "" for nothing; each right or not.
+    picked, place: what an action would take and where it would put it, "" for nothing; each right or not. They are the
+    action that would be taken if the null actions were not heard.
     """
 
     task: str
@@ -155,7 +159,7 @@ class Examiner:
             return Question(task.name, seed, asked.value, sentence, "refused")
         null = inference.null_action(self._limits.done_threshold, self._limits.absent_threshold)
         answer = null.value if null else "act"
-        if asked is not Asked.WORDING:
+        if asked not in _JUDGED:
             return Question(task.name, seed, asked.value, sentence, answer)
         meant = task.judge(inference.action.pick, inference.action.place)
         return Question(task.name, seed, asked.value, sentence, answer, *dataclasses.astuple(meant))
@@ -185,7 +189,7 @@ def _say(task: Task, wording: Wording) -> str:
 def shares(questions: Sequence[Question]) -> dict[str, Any]:
     """Return the number of questions of each kind and how many answers were right, of all tasks and of each.
 
-    Of the wordings also how often the thing, and how often the place was right; of the other kinds what was answered.
+    Where an action is wanted, also how often it would take the right thing, put it to the right place, and both.
     """
     by_task: dict[str, list[Question]] = defaultdict(list)
     for question in questions:
@@ -204,7 +208,11 @@ def _kinds(questions: Sequence[Question]) -> dict[str, Any]:
         for question in asked:
             answers[question.answer] += 1
         found[kind.value] = {"asked": len(asked), "right": sum(q.right for q in asked), "answers": dict(answers)}
-        if kind is Asked.WORDING:
-            found[kind.value]["thing_right"] = sum(q.answer == "act" and q.pick_right for q in asked)
-            found[kind.value]["place_right"] = sum(q.answer == "act" and q.place_right for q in asked)
+        if kind in _JUDGED:
+            acted = [question for question in asked if question.answer == "act"]
+            found[kind.value] |= {
+                "thing_right": sum(question.pick_right for question in acted),
+                "place_right": sum(question.place_right for question in acted),
+                "both_right": sum(question.pick_right and question.place_right for question in acted),
+            }
     return found

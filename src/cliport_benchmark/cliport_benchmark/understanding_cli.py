@@ -133,7 +133,7 @@ def _ask(scene: Scene) -> list[Question] | str:
 
 
 def table(report: dict[str, Any]) -> str:
-    """Return a table for a terminal: right answers of those asked, of each kind and task."""
+    """Return a table for a terminal: right answers of those asked, of each kind and task; what actions would do."""
     kinds = [kind.value for kind in Asked]
     rows = [*report["tasks"].items(), ("all", report["all"])]
     width = max(len(task) for task, _ in rows)
@@ -141,18 +141,16 @@ def table(report: dict[str, Any]) -> str:
     for task, counts in rows:
         cells = (f"{counts[kind]['right']} of {counts[kind]['asked']}" for kind in kinds)
         lines.append(f"{task:<{width}}" + "".join(f"{cell:>20}" for cell in cells))
-    total = report["all"]
-    words = total[Asked.WORDING.value]
-    lines.append(
-        f"held-out wordings: thing right in {words['thing_right']}, place in {words['place_right']} "
-        f"of {words['asked']}; work is left, but answered {_others(total[Asked.OPEN.value])}"
-    )
+    for name in (Asked.WORDING.value, Asked.OPEN.value):
+        counts = report["all"][name]
+        right = ", ".join(f"{what} right in {counts[f'{what}_right']}" for what in ("thing", "place", "both"))
+        lines.append(f"{name}: {right} of {counts['asked']}; answered {_others(counts)}")
     return "\n".join(lines)
 
 
 def _others(counts: dict[str, Any]) -> str:
     wrong = {answer: n for answer, n in counts["answers"].items() if answer != "act"}
-    return ", ".join(f"'{answer}' {n} times" for answer, n in sorted(wrong.items())) or "nothing else"
+    return ", ".join(f"'{answer}' {n} times" for answer, n in sorted(wrong.items())) or "with an action always"
 
 
 def _parser() -> argparse.ArgumentParser:

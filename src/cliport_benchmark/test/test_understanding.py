@@ -76,6 +76,8 @@ def test_who_does_as_the_expert_and_knows_the_end_is_right_throughout(
     assert kinds[0] == Asked.WORDING.value and kinds[-1] == Asked.ABSENT.value
     assert kinds.count(Asked.OPEN.value) == kinds.count(Asked.REACHED.value) == 7  # moves of three rings
     assert [answer for answer in answers if not answer.right] == []
+    counts = shares(answers)["all"]
+    assert (counts[Asked.WORDING.value]["both_right"], counts[Asked.OPEN.value]["both_right"]) == (1, 7)
     pattern = held_out_patterns(make_task(HANOI, "val"))[0]
     assert answers[0].sentence.startswith(pattern.split("{")[0]) and "ring" in answers[0].picked
 
@@ -85,6 +87,7 @@ def test_who_always_acts_somewhere_is_right_only_where_work_is_left(examine: Cal
     counts = shares(answers)["all"]
     assert counts[Asked.WORDING.value] | {"asked": 1, "right": 0, "thing_right": 0} == counts[Asked.WORDING.value]
     assert counts[Asked.OPEN.value]["right"] == counts[Asked.OPEN.value]["asked"] > 0
+    assert counts[Asked.OPEN.value]["thing_right"] == counts[Asked.OPEN.value]["both_right"] == 0
     assert counts[Asked.REACHED.value] == {"asked": 1, "right": 0, "answers": {"act": 1}}
     assert counts[Asked.ABSENT.value] == {"asked": 1, "right": 0, "answers": {"act": 1}}
 
@@ -146,4 +149,7 @@ def test_the_shipped_policy_is_asked_and_what_it_got_wrong_is_written(
     assert counts[Asked.OPEN.value]["right"] >= 2
     wrong = sum(kind["asked"] - kind["right"] for kind in counts.values())
     assert len(report["wrong"]) == wrong and report["weights_sha256"] and report["commit"]
-    assert "held-out wordings: thing right in" in capsys.readouterr().out
+    assert (
+        "held-out wording: thing right in 2, place right in 2, both right in 2 of 2; answered"
+        in capsys.readouterr().out
+    )

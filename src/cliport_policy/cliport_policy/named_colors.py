@@ -63,6 +63,13 @@ class ColorNameReader:
         return self._encoder.encode([_BEFORE + name + _AFTER]).tokens[0][first:end]
 
 
+def with_colors_alike(sentence: str) -> str:
+    """Return a sentence with one and the same word in place of each colour's name."""
+    for start, end in reversed(color_spans(sentence)):
+        sentence = sentence[:start] + _SAME + sentence[end:]
+    return sentence
+
+
 @lru_cache(maxsize=1)
 def color_name_reader() -> ColorNameReader:
     """Return the process's one reader, over the shared encoder."""

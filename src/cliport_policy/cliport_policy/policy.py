@@ -23,6 +23,7 @@ from cliport_policy.errors import CheckpointError, InstructionError, Observation
 from cliport_policy.inference import AffordanceMaps, Explanation, Inference
 from cliport_policy.language import ENCODER_NAME, TextEncoder, TokenEmbeddings, shared_encoder
 from cliport_policy.memory import release_unused
+from cliport_policy.named_colors import with_colors_alike
 from cliport_policy.networks.factory import compile_network, restore_network
 from cliport_policy.networks.policy_network import Goal, Placings, PolicyNetwork
 from cliport_policy.networks.rotation import bin_angles
@@ -81,7 +82,7 @@ class Policy:
             raise InstructionError("the instruction is empty: say what to put where")
         if text == self._accepted:
             return
-        similarity = self._similarity(self._encoder.encode_one(text))
+        similarity = self.similarity(text)
         if similarity < self.card.min_similarity:
             shown = text if len(text) <= 60 else text[:57] + "..."
             raise InstructionError(
@@ -91,8 +92,13 @@ class Policy:
         self._accepted = text
 
     def similarity(self, instruction: str) -> float:
-        """Return the cosine similarity, in [-1, 1], of an instruction to the nearest of the training's."""
-        return self._similarity(self._encoder.encode_one(instruction))
+        """Return the cosine similarity, in [-1, 1], of an instruction to the nearest of the training's.
+
+        Where colours are read by name, all are alike: a white heart is a heart, and a green song is none of the tasks.
+        """
+        by_name = getattr(self.card.network, "color_reading", "") == "names"
+        words = with_colors_alike(instruction) if by_name else instruction
+        return self._similarity(self._encoder.encode_one(words))
 
     def infer(
         self, observation: Heightmap, instruction: str, with_maps: bool = False, goal: Heightmap | None = None
