@@ -18,7 +18,6 @@ from cliport_core.command_line import CommandParser
 from cliport_core.errors import InstructionError
 from cliport_core.instruction import normalized_instruction
 from cliport_interfaces.msg import PolicyStatus
-from cliport_policy.checkpoint import shipped_for
 
 READY_TIMEOUT = 120.0
 GOAL_TIMEOUT = 200.0  # of one sentence [s]
@@ -55,17 +54,14 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--task", default="put-blocks-in-bowls-seen-colors")
     parser.add_argument("--seed", type=int, default=3)
     parser.add_argument("--instruction", default="", type=_instruction)
-    parser.add_argument(
-        "--checkpoint", default="", help="path, or name of a shipped one; that which does the task best"
-    )
+    parser.add_argument("--checkpoint", default="default", help="path, name of a shipped one, or default")
     parser.add_argument("--out", default="out/demo")
     return parser
 
 
 def _run(args: argparse.Namespace, out: Path) -> tuple[Progress, Played]:
     _say(f"starting the graph (its output: {out}/graph.log)")
-    checkpoint = args.checkpoint or shipped_for(args.task)
-    arguments = {"task": args.task, "split": "test", "seed": str(args.seed), "checkpoint": checkpoint}
+    arguments = {"task": args.task, "split": "test", "seed": str(args.seed), "checkpoint": args.checkpoint}
     animation = Animation()
     with (
         GraphProcess("sim.launch.yaml", arguments, out / "graph.log") as graph,

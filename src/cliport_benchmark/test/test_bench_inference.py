@@ -12,7 +12,7 @@ from cliport_policy.encoders.files import CLIP_FILE, FOLDER_VARIABLE
 
 
 def test_a_footprint_is_of_a_process_that_acts() -> None:
-    found = footprint("compact-bowls", actions=4)
+    found = footprint("default", actions=4)
     assert sorted(found) == ["actions", "highest", "loading", "resident"]
     assert len(found["actions"]) == 2, "the first two warm up"
     assert all(1 < action < 100_000 for action in found["actions"]) and 0.01 < found["loading"][0] < 500  # ms, s

@@ -130,9 +130,14 @@ class Policy:
 
     @torch.inference_mode()
     def _score(self, observation: Heightmap, instruction: str, goal: Heightmap | None) -> Scores:
-        image = self._tensor(observation)
         network = self._network
-        aim = network.look(image, network.encode_goal([instruction.strip()], self._goal_tensor(goal)))
+        aim = network.encode_goal([instruction.strip()], self._goal_tensor(goal))
+        with torch.autocast("cpu", torch.bfloat16, enabled=network.acts_in_bfloat16):
+            return self._score_goal(self._tensor(observation), aim)
+
+    def _score_goal(self, image: Tensor, goal: Goal) -> Scores:
+        network = self._network
+        aim = network.look(image, goal)
         scores = network.score_picks(image, aim)[0].float()
         picks, nulls = scores[: -network.n_null], scores[-network.n_null :]
         pick = self.grid.peak(_mass(picks).reshape(self.grid.shape))

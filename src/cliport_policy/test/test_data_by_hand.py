@@ -19,6 +19,7 @@ from cliport_core.pose import PlanarPose
 from cliport_core.workspace import WorkspaceSpec
 from cliport_policy import dataset, reliability
 from cliport_policy.color_words import read_survey
+from cliport_policy.config import NetworkConfig
 from cliport_policy.data import dataset_format
 from cliport_policy.data.batches import Batch, Phrasebook
 from cliport_policy.data.color_names import UNSEEN_STEMS
@@ -31,6 +32,7 @@ from cliport_policy.data.primitives import check_primitive, primitive_taught
 from cliport_policy.encoders.bert_modules import BertShape, _shape
 from cliport_policy.encoders.frozen import CACHE_SIZE, EncoderShape, FrozenEncoders, Vision
 from cliport_policy.errors import DataError
+from cliport_policy.joint_config import JointConfig
 from cliport_policy.networks import factory
 from cliport_policy.networks.joint.color_words import ColorDensity, scaled_lab
 from cliport_policy.stream_config import NetConfig, StreamsConfig
@@ -219,13 +221,17 @@ def test_sentences_are_forgotten_when_there_are_too_many(monkeypatch: pytest.Mon
     [("auto", False, torch.float32), ("auto", True, torch.bfloat16), ("bfloat16", False, torch.bfloat16),
      ("float32", True, torch.float32)],
 )  # fmt: skip
-def test_the_precision_of_a_network_of_streams(
+def test_the_precision_of_networks(
     precision: str, fast: bool, dtype: torch.dtype, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(factory, "has_fast_bfloat16", lambda: fast)
     plain = NetConfig(spatial="plain")
     config = StreamsConfig(plain, plain, plain, width=0.02)
     assert factory._network_without_weights(config, precision)[1] is dtype
+    joint, weights = factory._network_without_weights(JointConfig(widths=(8, 16), context_layers=0), precision)
+    assert weights is torch.float32 and joint.acts_in_bfloat16 == (dtype is torch.bfloat16)
+    compact, weights = factory._network_without_weights(NetworkConfig(), precision)
+    assert weights is torch.float32 and not compact.acts_in_bfloat16
 
 
 def test_sizes_of_published_berts() -> None:

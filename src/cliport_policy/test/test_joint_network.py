@@ -19,6 +19,7 @@ from cliport_policy.joint_config import JointConfig
 from cliport_policy.language import ENCODER_NAME, shared_encoder
 from cliport_policy.named_colors import basic_tokens, color_name_reader
 from cliport_policy.named_configs import load_network_config, network_config_from_dict
+from cliport_policy.networks.compact.unet import Downsample
 from cliport_policy.networks.factory import build_network
 from cliport_policy.networks.joint.color_words import scaled_lab
 from cliport_policy.networks.joint.network import JointNetwork
@@ -109,25 +110,33 @@ def test_the_aligner_lays_the_thing_as_it_would_be_turned_upon_the_place() -> No
     patch = torch.rand(5, 8, 8)
     images = torch.zeros(1, 5, 32, 32)
     images[0, :, 6:14, 7:15], images[0, :, 17:25, 18:26] = patch, torch.rot90(patch, -1, (1, 2))  # a quarter turn
-    seen: list[torch.Tensor] = []
+    seen: list[tuple[torch.Tensor, torch.Tensor]] = []
     assert network.aligner is not None
-    network.aligner.scorer.register_forward_pre_hook(lambda _, inputs: seen.append(inputs[0]))
+    network.aligner.scorer.register_forward_pre_hook(lambda _, inputs: seen.append((inputs[2][0], inputs[0][0])))
     goal = network.encode_goal(["put the red blocks in a blue bowl"])
     pick, angles = torch.tensor([[9.5, 10.5]]), bin_angles(8)[None]
     network.score_fits(
         images, goal, Placings(pick, torch.zeros(1), torch.tensor([[20.5, 21.5]]).expand(1, 8, 2), angles)
     )
-    held, below = seen[0][0].split(5, dim=1)  # (8, 5, 8, 8) each
-    assert torch.allclose(held[0], patch, atol=1e-5)
+    held, below = seen[0]  # (5, 8, 8), (8, 5, 8, 8)
+    assert torch.allclose(held, patch, atol=1e-5)
     off = (held - below).abs().amax((1, 2, 3))
     assert float(off[2]) < 1e-4 and float(off[[0, 1, 3, 4, 5, 6, 7]].min()) > 0.1
     # What fits still fits when both are seen smaller and mirrored.
     cells = (straight_cells(8) @ torch.tensor([[0.7, 0.2], [0.2, -0.6]]))[None]
     places = torch.tensor([[20.5, 21.5]]).expand(1, 8, 2)
     network.score_fits(images, goal, Placings(pick, torch.zeros(1), places, angles, cells))
-    smaller, below = seen[1][0].split(5, dim=1)
+    smaller, below = seen[1]
     off = (smaller - below).abs().amax((1, 2, 3))
     assert float(off[2]) < 1e-4 and float((smaller - held).abs().max()) > 0.1
+
+
+@torch.no_grad()
+def test_what_is_the_same_in_all_crops_is_convolved_once() -> None:
+    down = Downsample(5, 4).eval()
+    each, same = torch.rand(2, 3, 2, 8, 8), torch.rand(2, 3, 8, 8)
+    both = torch.cat((same[:, None].expand(-1, 3, -1, -1, -1), each), dim=2).flatten(0, 1)
+    assert torch.allclose(down.beside(each, same), down(both), atol=1e-5)
 
 
 def _acting(network: JointNetwork, sentence: str, primitive: Primitive) -> PickPlaceAction:
@@ -290,6 +299,10 @@ def test_a_checkpoint_loads_and_says_what_it_does(tmp_path: Path) -> None:
     answer = policy.infer(scene, "push the pile of red blocks into the blue square")
     assert answer.action.primitive is Primitive.SWEEP
     assert answer.absent_probability > 0.99 and answer.done_probability < 0.01
+    exact, rough = (load_policy(path, precision) for precision in ("float32", "bfloat16"))
+    scores = [p.score(scene, "push the pile of red blocks into the blue square") for p in (exact, rough)]
+    off = (scores[0].places - scores[1].places).abs().max() / scores[0].places.abs().max()
+    assert 0 < float(off) < 0.05 and all(found.places.dtype is torch.float32 for found in scores)
 
 
 def test_settings_come_back_and_wrong_ones_are_named() -> None:

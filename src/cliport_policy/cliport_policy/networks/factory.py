@@ -51,7 +51,7 @@ def restore_network(
     """Make the network of a checkpoint, ready to act.
 
     precision: `float32`, `bfloat16`, or `auto`: bfloat16 if this CPU is fast at it. The compact network is always in
-    float32.
+    float32, and so are the joint network's weights.
 
     Raises:
         CheckpointError: if the tensors or the present frozen encoders are not those of the card.
@@ -80,10 +80,12 @@ def _network_without_weights(config: AnyNetworkConfig, precision: str) -> tuple[
     if isinstance(config, NetworkConfig):
         with blank_modules():
             return CompactNetwork(config), torch.float32
+    fast = precision == "bfloat16" or (precision == "auto" and has_fast_bfloat16())
     if isinstance(config, JointConfig):
         with blank_modules():
-            return JointNetwork(config), torch.float32
-    fast = precision == "bfloat16" or (precision == "auto" and has_fast_bfloat16())
+            joint = JointNetwork(config)
+        joint.acts_in_bfloat16 = fast
+        return joint, torch.float32
     dtype = torch.bfloat16 if fast else torch.float32
     encoders = shared_encoders(config, dtype)
     with blank_modules():

@@ -59,10 +59,12 @@ class PolicyNetwork(nn.Module, ABC):
 
     Images are (B, 5, H, W) as observation.py makes them. Pixels are float (row, col); angles in rad.
     cell_size: pixels along the side of one cell of the pick's and the place's maps; h = H / cell_size, w likewise.
+    acts_in_bfloat16: True if a policy lets torch compute in bfloat16 what loses little by it; weights stay as they are.
     """
 
     config: AnyNetworkConfig
     cell_size: int
+    acts_in_bfloat16 = False
     n_null = 1  # logits of the pick that stand for no cell: "done", then "not here" where it is told apart
 
     @property

@@ -20,11 +20,15 @@ class CropScorer(nn.Module):
         self.block = FilmResidualBlock(2 * width, goal_dim)
         self.head = nn.Linear(2 * width * (crop_pixels // 8) ** 2, 1)
 
-    def forward(self, crops: Tensor, goal: Tensor) -> Tensor:
-        """Return logits (B, R) of crops (B, R, C, side, side) and goals (B, G)."""
+    def forward(self, crops: Tensor, goal: Tensor, held: Tensor | None = None) -> Tensor:
+        """Return logits (B, R) of crops (B, R, C, side, side) and goals (B, G).
+
+        held: (B, channels_in - C, side, side), seen before each crop's own channels, where these are not all.
+        """
         batch, n = crops.shape[:2]
-        y = crops.flatten(0, 1)
-        for down in self.down:
+        first, *others = self.down
+        y = first(crops.flatten(0, 1)) if held is None else first.beside(crops, held)
+        for down in others:
             y = down(y)
         y = self.block(y, goal.repeat_interleave(n, dim=0))
         return self.head(y.flatten(1)).reshape(batch, n)

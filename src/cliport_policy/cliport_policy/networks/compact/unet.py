@@ -42,6 +42,16 @@ class Downsample(nn.Module):
         """Return (B, channels_out, H/2, W/2) of x (B, channels_in, H, W)."""
         return F.relu(self.norm(self.conv(x)))
 
+    def beside(self, x: Tensor, same: Tensor) -> Tensor:
+        """Return what forward returns of each of R inputs with `same` before it, which is convolved once.
+
+        x: (B, R, C, H, W). same: (B, channels_in - C, H, W). The result is (B * R, channels_out, H/2, W/2).
+        """
+        for_same, for_each = self.conv.weight.tensor_split([same.shape[1]], dim=1)
+        each = F.conv2d(x.flatten(0, 1), for_each, stride=2, padding=1).unflatten(0, x.shape[:2])
+        both = each + F.conv2d(same, for_same, stride=2, padding=1)[:, None]
+        return F.relu(self.norm(both.flatten(0, 1)))
+
 
 class FilmUNet(nn.Module):
     """U-Net from heightmap channels to features at half the heightmap's resolution.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import torch
 from torch import Tensor, nn
 
 from cliport_policy.networks.compact.rotator import CropScorer
@@ -25,7 +24,7 @@ class Aligner(nn.Module):
     def forward(self, x: Tensor, goal: Tensor, placings: Placings) -> Tensor:
         """Return logits (B, R), of each place under its rotation. x: (B, C, H, W). goal: (B, G)."""
         pick, yaw, places, angles, cells = placings
-        held = rotated_windows(x, pick, yaw[:, None], self.crop_pixels, cells)  # (B, 1, C, side, side)
+        held = rotated_windows(x, pick, yaw[:, None], self.crop_pixels, cells)[:, 0]  # (B, C, side, side)
         below = rotated_windows(x, places, yaw[:, None] + angles, self.crop_pixels, cells)  # (B, R, C, side, side)
-        scores: Tensor = self.scorer(torch.cat((held.expand_as(below), below), dim=2), goal)
+        scores: Tensor = self.scorer(below, goal, held)
         return scores
