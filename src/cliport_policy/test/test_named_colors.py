@@ -37,7 +37,7 @@ def test_a_network_that_reads_tokens_is_asked_for_its_own_words_alone(policy: Po
         tokens.check_instruction(HEART.format("purple"))
 
 
-@pytest.mark.parametrize("words", ["the quick brown fox", "buy a red car", "sing me a green song"])
+@pytest.mark.parametrize("words", ["the quick brown fox", "buy a red car", "drive the blue car to work"])
 def test_a_colour_makes_no_sentence_likely(policy: Policy, words: str) -> None:
     with pytest.raises(InstructionError, match="is unlike anything"):
         policy.check_instruction(words)
