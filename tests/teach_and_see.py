@@ -33,7 +33,6 @@ from playwright.sync_api import sync_playwright
 
 ROOT = Path(__file__).resolve().parents[1]
 TASK, PRIMITIVE = "sweeping-piles", "sweep"
-SHIPPED = ("default", "multi-open-100")  # the one that `make teach` starts with, and the one that a lesson begins with
 START_S, LESSON_S, LOAD_S = 600.0, 4 * 3600.0, 300.0
 ASKED = 5  # steps that the policy draws on the page
 LEFT_OUTSIDE = 0.05  # share of the pile that may be outside of the square when it counts as swept
@@ -181,7 +180,7 @@ def main() -> int:
     options.out.mkdir(parents=True, exist_ok=True)
     minutes, name = Minutes(), options.data_set or f"taught-{time.strftime('%Y%m%d-%H%M%S')}"
     with minutes.of("score before"):
-        before = {checkpoint: score(checkpoint, options, f"before-{checkpoint}") for checkpoint in SHIPPED}
+        before = score("default", options, "before")
     with teaching(options) as address, sync_playwright() as driver, chromium(driver) as browser:
         person = Person(browser, address, options.out / "album")
         person.sees("ready", timeout=START_S)

@@ -5,7 +5,6 @@ import io
 import pytest
 
 from cliport_policy import learn
-from cliport_policy.checkpoint import GENERAL_NAME
 from cliport_policy.training.log import ProgressLine
 from cliport_policy.training.trainer import Progress
 from demo_tool.teach_now import _STOPPED, _TRAINED, BEGINNINGS
@@ -22,5 +21,5 @@ def test_the_page_understands_the_trainings_line(step: int) -> None:
 
 
 def test_the_page_offers_what_a_lesson_can_begin_with() -> None:
-    assert BEGINNINGS == (learn.AUTO, "default", GENERAL_NAME, learn.FROM_NOTHING)
+    assert BEGINNINGS == (learn.AUTO, learn.FROM_NOTHING)
     assert _STOPPED == learn.STOPPED

@@ -24,8 +24,7 @@ from cliport_policy.named_configs import AnyNetworkConfig, network_config_from_d
 
 FORMAT_VERSION = 1
 SHIPPED_FOLDER = Path(__file__).parent / "weights"
-DEFAULT_NAME = "compact-bowls"
-GENERAL_NAME = "multi-open-100"  # knows all language tasks, and the default's own not quite as well
+DEFAULT_NAME = "multi-open-100"
 CALIBRATED = ("pick", "place")
 ANCHORS = "instruction_anchors"  # tensor of training sentences, compared with new ones
 
@@ -97,12 +96,6 @@ class Card:
 def shipped_names() -> list[str]:
     """Return the names of the checkpoints that the package ships."""
     return sorted(path.stem for path in SHIPPED_FOLDER.glob("*.safetensors"))
-
-
-def shipped_for(task: str) -> str:
-    """Return the name of the shipped checkpoint that does a task best: `default` for the one that it was trained on."""
-    own = load_card(resolve_checkpoint("default")).made_by.get("data", {}).get("task")
-    return "default" if task == own else GENERAL_NAME
 
 
 def resolve_checkpoint(path_or_name: str | Path) -> Path:

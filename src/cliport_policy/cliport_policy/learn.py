@@ -25,7 +25,7 @@ from cliport_episodes.bag_metadata import FILE as METADATA
 from cliport_episodes.episode_folder import step_paths
 from cliport_episodes.errors import EpisodesError
 from cliport_policy import train
-from cliport_policy.checkpoint import GENERAL_NAME, load_card, write_json
+from cliport_policy.checkpoint import load_card, write_json
 from cliport_policy.comparison import NEAR_MM, summarize
 from cliport_policy.config import RECIPES
 from cliport_policy.data.demonstrations import load_demonstrations
@@ -34,7 +34,7 @@ from cliport_policy.data.from_bags import Selection, make_data_set
 from cliport_policy.errors import DataError, PolicyError
 from cliport_policy.offline import OfflineRun
 from cliport_policy.policy import load_policy
-from cliport_policy.training.initial import load_initial, primitive_of
+from cliport_policy.training.initial import load_initial
 from cliport_policy.training.pace import MOST_STEPS, length_words, measured_pace, steps_within
 
 REPORT_NAME = "learned.json"
@@ -131,25 +131,16 @@ def _make_data(lesson: Lesson, args: argparse.Namespace) -> None:
 
 
 def _beginning(init: str, data: Path) -> str | None:
-    """Return the checkpoint to begin with, None for none.
-
-    Of the shipped ones the first that can act as demonstrated: `default` only picks and places, the other one chooses.
-    """
+    """Return the checkpoint to begin with, None for none; AUTO: `default` where it has the data's workspace."""
     if init != AUTO:
         return None if init == FROM_NOTHING else init
-    shown = load_demonstrations(data)
-    for name in ("default", GENERAL_NAME):
-        known = load_initial(name)
-        try:
-            known.check_workspace(shown.workspace)
-            primitive_of([shown], known.card.network, known)
-        except DataError as reason:
-            print(f"{name} is not what it begins with: {reason}", flush=True)
-        else:
-            print(f"it begins with {name}", flush=True)
-            return name
-    print("it begins from nothing", flush=True)
-    return None
+    try:
+        load_initial("default").check_workspace(load_demonstrations(data).workspace)
+    except DataError as reason:
+        print(f"it begins from nothing: {reason}", flush=True)
+        return None
+    print("it begins with default", flush=True)
+    return "default"
 
 
 def _training(lesson: Lesson, args: argparse.Namespace, init: str | None) -> list[str]:
@@ -249,7 +240,7 @@ def _parser() -> argparse.ArgumentParser:
         "--init",
         default=AUTO,
         metavar="CHECKPOINT",
-        help=f"to begin with; none: from nothing; auto: `default`, or {GENERAL_NAME}, if it can",
+        help="to begin with; none: from nothing; auto: default, or nothing in another workspace than its own",
     )
     add("--old", type=Path, metavar="DIR", help="training set of what it knows already, so that it is not forgotten")
     add("--with-failed", action="store_true", help="use what is marked as a failure, too")

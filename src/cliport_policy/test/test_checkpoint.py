@@ -10,13 +10,10 @@ import torch
 
 from cliport_core.workspace import WorkspaceSpec
 from cliport_policy.checkpoint import (
-    GENERAL_NAME,
     Card,
     load_card,
     load_checkpoint,
     save_checkpoint,
-    shipped_for,
-    shipped_names,
 )
 from cliport_policy.config import NetworkConfig
 from cliport_policy.errors import CheckpointError
@@ -81,9 +78,3 @@ def test_an_unusable_card_names_a_remedy(change: Callable[[dict], None], words: 
     path.with_suffix(".json").write_text(json.dumps(card))
     with pytest.raises(CheckpointError, match=words):
         load_card(path)
-
-
-def test_a_task_has_the_shipped_checkpoint_that_does_it_best() -> None:
-    assert shipped_for("put-blocks-in-bowls-seen-colors") == "default"
-    for task in ("put-blocks-in-bowls-unseen-colors", "towers-of-hanoi-seq-seen-colors", "a-task-of-mine"):
-        assert shipped_for(task) == GENERAL_NAME in shipped_names()

@@ -68,7 +68,7 @@ def test_the_config_is_known_after_fine_tuning_and_from_old_cards() -> None:
     assert not met_surveyed_colors(replace(tuned, made_by={"train": {"recolor": "demonstrated"}}))
     assert config_name(card(streams("rn50_bert"))) == "rn50_bert"
     shipped = load_card(resolve_checkpoint("default"))
-    assert card_method(shipped) == "compact" and not met_surveyed_colors(shipped)
+    assert card_method(shipped) == "multi[open]" and not met_surveyed_colors(shipped)
 
 
 def test_a_joint_network_of_no_shipped_config_is_called_joint() -> None:

@@ -15,7 +15,7 @@ from demo_tool.recording import Recorder
 
 _TRAINED = re.compile(r"^\[[#-]+\] (\d+)/(\d+) ")  # how the progress of `train` begins
 _ERROR = "error: "
-BEGINNINGS = ("auto", "default", "multi-open-100", "none")  # what `learn --init` is offered
+BEGINNINGS = ("auto", "none")  # what `learn --init` is offered
 _MOST_MINUTES = 24 * 60
 _STOPPED = 130  # exit status of a `learn` that was stopped
 

@@ -24,10 +24,10 @@ def test_a_policy_learns_and_is_used(person: Person) -> None:
     person.click("#next-episode")
     person.click("#tab-episodes")
     person.page.locator("#lesson-minutes").fill("20")
-    person.page.locator("#lesson-init").select_option("multi-open-100")
+    person.page.locator("#lesson-init").select_option("none")
     person.click("#teach")
     person.page.locator("#lesson[data-state=running]").wait_for()
-    assert lessons.options == ["--init", "multi-open-100", "--minutes", "20"]
+    assert lessons.options == ["--init", "none", "--minutes", "20"]
     assert person.page.locator("#teach").is_disabled() and "it begins" in (
         person.page.locator("#lesson-words").text_content() or ""
     )

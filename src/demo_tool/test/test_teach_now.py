@@ -98,7 +98,7 @@ def test_what_a_stopped_lesson_has_can_be_used(bench) -> None:
     [
         ({}, ["--init", "auto"]),
         ({"minutes": None, "init": "none"}, ["--init", "none"]),
-        ({"minutes": 20, "init": "multi-open-100"}, ["--init", "multi-open-100", "--minutes", "20"]),
+        ({"minutes": 20, "init": "auto"}, ["--init", "auto", "--minutes", "20"]),
     ],
 )
 def test_how_long_and_from_what_is_chosen(bench, arguments, options) -> None:
@@ -106,7 +106,7 @@ def test_how_long_and_from_what_is_chosen(bench, arguments, options) -> None:
     lessons.on_end(1, None)
     assert "'minutes' must be 1 to 1440" in bench.refused("teach", minutes=0)
     assert "'minutes' must be a whole number" in bench.refused("teach", minutes="5; ls")
-    assert "'init' must be auto, default" in bench.refused("teach", init="/etc/passwd")
+    assert "'init' must be auto, none" in bench.refused("teach", init="/etc/passwd")
     bench.do("teach", **arguments)
     assert lessons.options == options
 

@@ -84,7 +84,7 @@ export interface PolicyView {
 }
 
 /** What a lesson begins with; auto: the shipped policy that can act as demonstrated. */
-export type Beginning = "auto" | "default" | "multi-open-100" | "none";
+export type Beginning = "auto" | "none";
 
 /** What is learned of a data set; share: of the training's steps; table: what is compared, before and after. */
 export interface Lesson {
