@@ -11,7 +11,7 @@ from cliport_policy.settings import TOKEN_DIM, channel_counts, check_choice, che
 CONTEXT_HEADS = 4  # of the attention among cells
 COLOR_WORDS = ("none", "strict", "open")
 COLOR_READING = ("tokens", "names")
-REREAD = frozenset({"color_reading", "gray_share"})  # what a trained network may change on its way
+REREAD = frozenset({"color_reading", "gray_share", "reads_sides"})  # what a trained network may change on its way
 
 
 @dataclass(frozen=True)
@@ -32,6 +32,8 @@ class JointConfig:
     gray_share: share of training samples in which encoder and decoders see grey, and colours through these maps only.
     null_actions: 1 for "done", 2 for "done" and "not here" apart.
     chooses_primitive: True predicts the primitive; otherwise it is that of the demonstrations.
+    reads_sides: True takes, of places that are alike, the one at the side that the sentence names ("the left hole"), by
+    a rule; otherwise a word for a side is one like all others. It changes nothing in training.
     aligner: True scores the likeliest places and the rotations there on crops around both; otherwise the correlation
     decides alone, as in checkpoints whose cards do not say.
     """
@@ -51,6 +53,7 @@ class JointConfig:
     gray_share: float = 0.4
     null_actions: int = 2
     chooses_primitive: bool = True
+    reads_sides: bool = False
     aligner: bool = False
 
     def __post_init__(self) -> None:

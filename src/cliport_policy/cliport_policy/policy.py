@@ -29,7 +29,11 @@ from cliport_policy.networks.policy_network import Goal, Placings, PolicyNetwork
 from cliport_policy.networks.rotation import bin_angles
 from cliport_policy.observation import observation_tensor
 from cliport_policy.peaks import CellGrid, Peak, best_rotation, with_fits
+from cliport_policy.sides import Side, at_side, side_named
 
+_MOST_ALIKE = 6  # places among which a side may be named,
+_ALIKE = 0.15  # and how likely they are at least, relative to the likeliest
+_OUT = 30.0  # logits that put a place out
 _CANDIDATES = 3  # places at most that an aligner is asked about,
 _LEAST_SHARE = 0.05  # and after the first only those that are as likely as this
 _WARM_UP = "put the red blocks in the green bowl"
@@ -132,10 +136,11 @@ class Policy:
     def _score(self, observation: Heightmap, instruction: str, goal: Heightmap | None) -> Scores:
         network = self._network
         aim = network.encode_goal([instruction.strip()], self._goal_tensor(goal))
+        side = side_named(instruction) if getattr(self.card.network, "reads_sides", False) else None
         with torch.autocast("cpu", torch.bfloat16, enabled=network.acts_in_bfloat16):
-            return self._score_goal(self._tensor(observation), aim)
+            return self._score_goal(self._tensor(observation), aim, side)
 
-    def _score_goal(self, image: Tensor, goal: Goal) -> Scores:
+    def _score_goal(self, image: Tensor, goal: Goal, side: Side | None) -> Scores:
         network = self._network
         aim = network.look(image, goal)
         scores = network.score_picks(image, aim)[0].float()
@@ -143,12 +148,26 @@ class Policy:
         pick = self.grid.peak(_mass(picks).reshape(self.grid.shape))
         pixel = torch.tensor([pick.pixel], dtype=torch.float32)
         yaws, places = network.score_rotations(image, aim, pixel)
+        if side is not None:
+            places = self._at_side(side, places)
         primitives = network.score_primitives(image, aim)
         chosen = None if primitives is None else primitives[0].float()
         is_placed = self._primitive(chosen) is Primitive.PICK_PLACE  # what is swept or folded fits nowhere
         if network.has_aligner and is_placed:
             places = self._with_fits(image, aim, pixel, yaws, places)
         return Scores(picks, nulls, None if yaws is None else yaws[0].float(), places[0].float(), pick, chosen)
+
+    def _at_side(self, side: Side, places: Tensor) -> Tensor:
+        """Return the places' logits (1, k, h, w), with all but the one at a side of those that are alike put out."""
+        mass = _mass(places[0].float())
+        peaks = self.grid.peaks(mass, _MOST_ALIKE, 0.01)
+        shares = [peak.confidence(mass.sum(0)) for peak in peaks]
+        least = _ALIKE * max(shares)
+        alike = [peak for peak, share in zip(peaks, shares, strict=True) if share >= least]
+        if side is Side.MIDDLE and len(alike) < 3:
+            return places
+        chosen = alike[at_side(side, [peak.pixel for peak in alike])]
+        return places - _OUT * torch.from_numpy(~chosen.near)
 
     def _with_fits(self, image: Tensor, goal: Goal, pick: Tensor, yaws: Tensor | None, places: Tensor) -> Tensor:
         """Return the places' logits (1, k, h, w), with what an aligner thinks of the likeliest."""
