@@ -84,7 +84,7 @@ def bench_camera_and_action() -> list[Row]:
         changing.frame(world)
 
     rows = [
-        timed("action_compact", lambda: policy.infer(heightmap, task.instruction), 30),
+        timed("action_default", lambda: policy.infer(heightmap, task.instruction), 30),
         *(timed(*call) for call in frame_calls(frame, builder)),
         timed("render_960x540", lambda: camera.capture(world, rng), 30),
         timed("render_960x540_no_noise", lambda: perfect.capture(world, rng), 30),
@@ -206,9 +206,9 @@ def bench_inference() -> Iterator[Row]:
     from cliport_benchmark.bench_inference import footprint, tricks
 
     found = footprint("default")
-    yield row("load_compact", found["loading"], "s")
-    yield row("resident_compact", found["resident"], "MB")
-    yield row("highest_compact", found["highest"], "MB")
+    yield row("load_default", found["loading"], "s")
+    yield row("resident_default", found["resident"], "MB")
+    yield row("highest_default", found["highest"], "MB")
     for name, call in tricks():
         yield timed(name, call, 10)
 

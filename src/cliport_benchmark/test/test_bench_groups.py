@@ -76,7 +76,7 @@ def test_camera_and_action(played: list[str], monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.setattr(bench, "timed", time_once)
     assert len(bench.bench_camera_and_action()) == 6
     names = ["render_960x540", "render_960x540_no_noise", "render_window", "render_window_new_look"]
-    assert timed == [("action_compact", 30), ("a_frame", 50), *((name, 30) for name in names)]
+    assert timed == [("action_default", 30), ("a_frame", 50), *((name, 30) for name in names)]
     assert played.count("SimCamera.capture") == 3 and played.count("Observer.frame") == 2
     assert played.count("Observer.new_scene") == 1 and played[-1] == "SimWorld.close"
     assert played.count("load_policy.infer") == 1 and played.count("framed") == 1
@@ -198,9 +198,9 @@ def test_inference_and_the_network_of_the_papers_size(monkeypatch: pytest.Monkey
     monkeypatch.setattr("cliport_benchmark.bench_inference.tricks", lambda: [("trick", lambda: done.append(1))])
     rows = table(bench.bench_inference())
     assert rows[:3] == [
-        ("load_compact", 1.0, "s", 1),
-        ("resident_compact", 700.0, "MB", 1),
-        ("highest_compact", 900.0, "MB", 1),
+        ("load_default", 1.0, "s", 1),
+        ("resident_default", 700.0, "MB", 1),
+        ("highest_default", 900.0, "MB", 1),
     ]
     assert (rows[3][0], rows[3][3], len(done)) == ("trick", 10, 13), "three calls before those that are timed"
     assert table(bench.bench_paper_size()) == [

@@ -1,4 +1,4 @@
-"""The inference thread: what fails in it is said, and warming up checks no sentence."""
+"""The inference thread: what fails in it is said, warming up checks no sentence, and how many cores compute."""
 
 import logging
 import threading
@@ -6,8 +6,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+import torch
 
-from cliport_policy.errors import InstructionError
+from cliport_policy import node
+from cliport_policy.errors import ConfigError, InstructionError
 from cliport_policy.policy import load_policy
 from cliport_policy.server.inference_worker import InferenceWorker
 
@@ -50,3 +52,21 @@ def test_a_policy_of_other_tasks_is_warmed_up_too(name: str, tiny_checkpoint: Ca
     with pytest.raises(InstructionError):
         policy.check_instruction("put the red blocks in the green bowl")
     policy.warm_up()
+
+
+@pytest.mark.parametrize(("given", "cores", "used"), [(0, 1, 1), (0, 2, 1), (0, 16, 8), (3, 2, 3)])
+def test_half_of_the_cores_compute_where_nothing_else_is_said(
+    given: int, cores: int, used: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(node.os, "sched_getaffinity", lambda _: set(range(cores)))
+    before = torch.get_num_threads()
+    try:
+        node.use_threads(given)
+        assert torch.get_num_threads() == used
+    finally:
+        torch.set_num_threads(before)
+
+
+def test_a_number_of_threads_that_cannot_be_is_named() -> None:
+    with pytest.raises(ConfigError, match="threads is -1: give 1 or more, or 0 for half of the cores"):
+        node.use_threads(-1)
