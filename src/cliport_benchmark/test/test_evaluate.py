@@ -227,7 +227,11 @@ def test_without_the_arm_is_another_evaluation_and_for_those_who_know_the_scene(
 def test_results_say_which_weights_and_method_they_are_of(tmp_path: Path) -> None:
     """And a network that needs a goal image is refused before an hour is spent on its zeros."""
     settings = EvaluateConfig("default", SEEN, "val", 0, 2).settings()
-    assert (settings["method"], settings["own_encoders"], settings["met_surveyed_colors"]) == ("compact", True, False)
+    assert (settings["method"], settings["own_encoders"], settings["met_surveyed_colors"]) == (
+        "multi[open]",
+        True,
+        False,
+    )
     assert len(settings["weights_sha256"]) == 64
     weights = tmp_path / "policy.safetensors"
     weights.write_bytes(b"")

@@ -96,7 +96,7 @@ VARIED = {"randomize": None, "mounting_error": None}
         (
             demo._parser,
             [],
-            {"task": TASK, "seed": 3, "instruction": "", "checkpoint": "", "out": "out/demo"},
+            {"task": TASK, "seed": 3, "instruction": "", "checkpoint": "default", "out": "out/demo"},
         ),
         (
             experiment_cli._parser,

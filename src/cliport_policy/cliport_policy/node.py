@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Callable
 from dataclasses import fields
 from functools import partial
 
-import torch
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.node import Node
@@ -27,10 +25,10 @@ from cliport_core.ros_spin_queue import SpinQueue
 from cliport_interfaces.msg import Heightmap as HeightmapMsg
 from cliport_interfaces.msg import PolicyStatus
 from cliport_interfaces.srv import ApprovePlan, LoadPolicy
-from cliport_policy.errors import ConfigError, PolicyError
+from cliport_policy.errors import PolicyError
 from cliport_policy.policy import Policy, load_policy
 from cliport_policy.server.executor_link import ExecutorLink
-from cliport_policy.server.inference_worker import InferenceAnswer, InferenceWorker
+from cliport_policy.server.inference_worker import InferenceAnswer, InferenceWorker, use_threads
 from cliport_policy.server.logic import PolicyServer
 from cliport_policy.server.types import Answer, Moment, ServerConfig
 from cliport_policy.server.wording import one_line
@@ -38,19 +36,6 @@ from cliport_policy.views import ProposalViews
 from panda_model.ros_parameters import declare_base_frame, declare_robot
 
 TICK_S = 0.05
-
-
-def use_threads(count: int) -> None:
-    """Let torch compute with so many threads; 0: half of the cores that the process may use, one at least.
-
-    Threads that wait for one another lose more than they gain where the simulator, or perception, has their core.
-
-    Raises:
-        ConfigError: if the count is negative.
-    """
-    if count < 0:
-        raise ConfigError(f"threads is {count}: give 1 or more, or 0 for half of the cores")
-    torch.set_num_threads(count or max(1, len(os.sched_getaffinity(0)) // 2))
 
 
 class PolicyServerNode(Node):
@@ -62,13 +47,12 @@ class PolicyServerNode(Node):
 
     def __init__(self) -> None:
         super().__init__("cliport_policy")
-        checkpoint = str(self.declare_parameter("checkpoint", "default").value)
         base_frame = declare_base_frame(self, declare_robot(self))
         settings = {f.name: self.declare_parameter(f.name, f.default).value for f in fields(ServerConfig)}
         self._config = ServerConfig(**settings)
         self._compiled = bool(self.declare_parameter("compile", False).value)
         use_threads(int(self.declare_parameter("threads", 0).value))
-        self._policy = load_policy(checkpoint, compiled=self._compiled)
+        self._policy = load_policy(str(self.declare_parameter("checkpoint", "default").value), compiled=self._compiled)
         self._queue = SpinQueue(self)
         self._worker = InferenceWorker(self._policy, self._hand_over)
         self._worker.warm_up()

@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 import torch
 
-from cliport_policy import node
 from cliport_policy.errors import ConfigError, InstructionError
 from cliport_policy.policy import load_policy
-from cliport_policy.server.inference_worker import InferenceWorker
+from cliport_policy.server import inference_worker
+from cliport_policy.server.inference_worker import InferenceWorker, use_threads
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 
@@ -58,10 +58,10 @@ def test_a_policy_of_other_tasks_is_warmed_up_too(name: str, tiny_checkpoint: Ca
 def test_half_of_the_cores_compute_where_nothing_else_is_said(
     given: int, cores: int, used: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(node.os, "sched_getaffinity", lambda _: set(range(cores)))
+    monkeypatch.setattr(inference_worker.os, "sched_getaffinity", lambda _: set(range(cores)))
     before = torch.get_num_threads()
     try:
-        node.use_threads(given)
+        use_threads(given)
         assert torch.get_num_threads() == used
     finally:
         torch.set_num_threads(before)
@@ -69,4 +69,4 @@ def test_half_of_the_cores_compute_where_nothing_else_is_said(
 
 def test_a_number_of_threads_that_cannot_be_is_named() -> None:
     with pytest.raises(ConfigError, match="threads is -1: give 1 or more, or 0 for half of the cores"):
-        node.use_threads(-1)
+        use_threads(-1)

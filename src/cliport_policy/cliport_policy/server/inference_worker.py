@@ -3,18 +3,34 @@
 from __future__ import annotations
 
 import logging
+import os
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from functools import partial
 from typing import NamedTuple, Protocol
 
+import torch
+
 from cliport_core.errors import CoreError
 from cliport_core.heightmap import Heightmap
-from cliport_policy.errors import PolicyError
+from cliport_policy.errors import ConfigError, PolicyError
 from cliport_policy.inference import Inference
 from cliport_policy.memory import trim_heap
 
 logger = logging.getLogger(__name__)
+
+
+def use_threads(count: int) -> None:
+    """Let torch compute with so many threads; 0: half of the cores that the process may use, one at least.
+
+    Threads that wait for one another lose more than they gain where the simulator, or perception, has their core.
+
+    Raises:
+        ConfigError: if the count is negative.
+    """
+    if count < 0:
+        raise ConfigError(f"threads is {count}: give 1 or more, or 0 for half of the cores")
+    torch.set_num_threads(count or max(1, len(os.sched_getaffinity(0)) // 2))
 
 
 class InferringPolicy(Protocol):
