@@ -124,11 +124,6 @@ def programs() -> dict[tuple[str, str], str]:
 @pytest.mark.parametrize("typed", [line for line in TYPED if line.startswith("ros2 run") and " --" in line])
 def test_the_program_understands_what_readme_types(typed: str, only_parsed: None, capsys: Any) -> None:
     _, _, package, name, *arguments = shlex.split(typed)
-    if "--first-seed" not in arguments and arguments[:2] == ["--checkpoint", "default"]:
-        row = re.search(r"^\| `(--task .*?)` \|", README, re.MULTILINE)  # README's table goes on with it
-        assert row
-        arguments += row[1].split()
-        arguments += ["--out", "out.json"]
     with pytest.raises(ParsedError):
         import_module(programs()[package, name]).main(arguments)
 
