@@ -121,9 +121,10 @@ class Examiner:
         noise, hand_rng, rng = (scene_rng(task.name, task.split, seed, stream) for stream in streams)
         self._observer.new_scene(noise)
         first = self._look()
-        patterns = held_out_patterns(task)
-        reworded = dataclasses.replace(said, patterns=(patterns[index % len(patterns)],))
-        yield self._ask(Asked.WORDING, task, seed, first, _say(task, reworded))
+        if task.sentence_slots:  # a sentence of another form cannot be reworded
+            patterns = held_out_patterns(task)
+            reworded = dataclasses.replace(said, patterns=(patterns[index % len(patterns)],))
+            yield self._ask(Asked.WORDING, task, seed, first, _say(task, reworded))
         things = {(thing.color, thing.name) for thing in self.world.objects}
         yield from self._follow(task, seed, said, KinematicHand(self.world, hand_rng), first)
         if not self._survey_colors:
@@ -181,9 +182,11 @@ class Examiner:
 
 
 def _say(task: Task, wording: Wording) -> str:
-    """Return the task's sentence in a wording, as it is where it has another form than the task's pattern."""
-    slots = task.sentence_slots
-    return wording.sentence(task.sentence_pattern, slots, 0) if slots else task.instruction
+    """Return the task's sentence in a wording; where it has another form than the task's pattern, with other colours'
+    names alone."""
+    if task.sentence_slots:
+        return wording.sentence(task.sentence_pattern, task.sentence_slots, 0)
+    return dataclasses.replace(wording, patterns=()).sentence("{own}", {"own": task.instruction}, 0)
 
 
 def shares(questions: Sequence[Question]) -> dict[str, Any]:

@@ -11,6 +11,7 @@ import pytest
 from cliport_benchmark import understanding, understanding_cli
 from cliport_benchmark.errors import OptionError
 from cliport_benchmark.own_setup import OwnSetup
+from cliport_benchmark.survey_colors import draw_colors
 from cliport_benchmark.understanding import Asked, Examiner, Question, shares
 from cliport_benchmark.wording import held_out_patterns
 from cliport_core import PickPlaceAction, PlanarPose
@@ -112,6 +113,20 @@ def test_painted_scenes_are_called_by_the_surveys_names(examine: Callable[..., l
     assert Asked.ABSENT.value not in {answer.asked for answer in answers}
     assert len(answers) == len(plain) - 1
     assert all(a.sentence != b.sentence for a, b in zip(answers, plain[:-1], strict=True))
+
+
+def test_a_sentence_of_another_form_is_no_held_out_wording_and_names_the_paints(
+    examine: Callable[..., list[Question]], shown: list[Task]
+) -> None:
+    boxes = "packing-box-pairs-seen-colors"
+    for seed in range(30):
+        painted = examine(lambda _: inference(), boxes, seed=seed, survey_colors=True)
+        own, names = shown[-1].goals[0].sentence, draw_colors(make_task(boxes, "val"), seed)
+        colors = [word for word in own.split()[:4] if word in names]  # brown, as the box is, keeps its name
+        if colors and " and " not in own:
+            break
+    assert Asked.WORDING.value not in {question.asked for question in painted}
+    assert painted[0].sentence == own.replace(colors[0], names[colors[0]])
 
 
 def test_a_policy_that_hears_no_sentence_is_refused() -> None:
