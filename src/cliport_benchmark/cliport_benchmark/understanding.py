@@ -79,8 +79,7 @@ class Question:
 class Examiner:
     """Asks a policy about scenes of the language-conditioned splits.
 
-    survey_colors: things are painted and called in colours of a survey that no demonstration named; nothing is asked
-    about what is absent then.
+    survey_colors: things are painted and called in colours of a survey that no demonstration named.
     """
 
     def __init__(self, policy: Policy, split: str, survey_colors: bool = False) -> None:
@@ -127,10 +126,9 @@ class Examiner:
             yield self._ask(Asked.WORDING, task, seed, first, _say(task, reworded))
         things = {(thing.color, thing.name) for thing in self.world.objects}
         yield from self._follow(task, seed, said, KinematicHand(self.world, hand_rng), first)
-        if not self._survey_colors:
-            sentence = self._about_what_is_absent(task_name, seed, things, rng)
-            if sentence:
-                yield self._ask(Asked.ABSENT, task, seed, first, sentence)
+        sentence = self._about_what_is_absent(task_name, seed, said, things, rng)
+        if sentence:
+            yield self._ask(Asked.ABSENT, task, seed, first, sentence)
 
     def _follow(
         self, task: Task, seed: int, said: Wording, hand: KinematicHand, observation: Heightmap
@@ -166,7 +164,7 @@ class Examiner:
         return Question(task.name, seed, asked.value, sentence, answer, *dataclasses.astuple(meant))
 
     def _about_what_is_absent(
-        self, task_name: str, seed: int, things: set[tuple[str, str]], rng: np.random.Generator
+        self, task_name: str, seed: int, said: Wording, things: set[tuple[str, str]], rng: np.random.Generator
     ) -> str:
         """Return another scene's sentence that names what is not among these things, "" if none was found.
 
@@ -174,10 +172,10 @@ class Examiner:
         """
         for trial in range(_TRIES):
             name = task_name if rng.random() < _OWN_SHARE else str(rng.choice(LANGUAGE_SPLITS))
-            sentence = reset_scene(self.world, name, self._split, seed + _OTHER_SCENES + trial).instruction
-            named = named_things(sentence)
+            other = reset_scene(self.world, name, self._split, seed + _OTHER_SCENES + trial)
+            named = named_things(other.instruction)
             if named and not named.are_among(things):
-                return sentence
+                return _say(other, said)
         return ""
 
 

@@ -41,6 +41,11 @@ def observation_tensor(observation: Heightmap) -> Tensor:
     return to_tensor(stack_channels(observation.color, observation.height, observation.valid)).unsqueeze(0)
 
 
+def scaled_color(value: float) -> float:
+    """Return a colour's component, 0..255, as observation tensors have it."""
+    return (value - _COLOR_MEAN) / _COLOR_SCALE
+
+
 def unscaled(images: Tensor) -> Tensor:
     """Return colour in 0..1 and height in m of observation tensors: (B, 5, H, W) -> (B, 4, H, W).
 

@@ -240,8 +240,32 @@ def test_maps_by_name_show_the_named_colour_and_nothing_where_none_is_named() ->
 
 
 @torch.no_grad()
+@pytest.mark.parametrize("light", [1.0, 0.8])
+def test_of_things_seen_the_nearest_to_a_known_colour_is_shown(light: float) -> None:
+    """In any light, and in grey, as bright as blocks are; nothing where no thing comes near."""
+    network = _network(color_reading="names")
+    image = torch.zeros(1, 5, 64, 64)
+    image[:, 4] = 1
+    image[:, :3] = -0.3  # the table
+    named, distractor = slice(0, 16), slice(24, 40)
+    for rows, rgb in ((named, (2, 0, 53)), (distractor, (60, 100, 160))):
+        image[0, :3, rows, :16] = ((light * torch.tensor(rgb) - 127.5) / 64)[:, None, None]
+        image[0, 3, rows, :16] = 1
+    heard: list[torch.Tensor] = []
+    network.encoder.register_forward_pre_hook(lambda _, inputs: heard.append(inputs[0]))
+    for sentence in ("put the midnight blue block here", "put the bright orange block here"):
+        network.look(image, network.encode_goal([sentence]))
+    near, none = heard
+    shown = near[0, -3:]
+    assert float(shown[:, :8, :8].min()) > 0.9 and float(shown[:, 12:20, :8].max()) < 0.3
+    assert float(shown[:, :, 8:].max()) < 0.01 and float(none[0, -3:].max()) < 0.05
+    assert torch.equal(near[0, :4], near[0, 8:12]), "grey"
+    assert float(near[0, :12, :8, :8].mean()) == pytest.approx((140 - 127.5) / 64, abs=0.1)
+
+
+@torch.no_grad()
 def test_words_without_colours_differ_in_nothing_but_the_maps() -> None:
-    one, other = "put the red blocks in a blue bowl", "put the crimson blocks in a pink bowl"
+    one, other = "put the red blocks in a blue bowl", "put the orange blocks in a pink bowl"
     network = _network(color_reading="names")
     goals = [network.encode_goal([sentence]) for sentence in (one, other)]
     assert torch.equal(goals[0].words, goals[1].words) and torch.equal(goals[0].language, goals[1].language)

@@ -21,7 +21,7 @@ from cliport_policy.encoders import clip_rn50, efficientnet, resnet50
 from cliport_policy.encoders.registry import PROJECTED_DIM
 from cliport_policy.language import MAX_TOKENS, TextEncoder, TokenEmbeddings, shared_encoder
 from cliport_policy.named_colors import basic_tokens, color_name_reader
-from cliport_policy.networks.joint.color_words import ColorDensity
+from cliport_policy.networks.joint.color_words import ColorDensity, scaled_lab
 
 MISSED = 5
 SURVEY = Survey(["red", "dusty purple", "purple"], torch.eye(3), [[0], [], [1, 2]])
@@ -71,10 +71,10 @@ def test_tokens_of_the_shipped_encoder() -> None:
 @pytest.mark.parametrize(
     ("sentence", "hidden"),
     [
-        ("put the red block in a Royal Blue bowl", ["red", "royal", "blue"]),
+        ("put the red block in a gray bowl", ["red", "gray"]),
         ("put the credits in the redder bowl", []),
-        ("the lightest brown block goes on the teal and grey ones", ["brown", "tea", "##l", "grey"]),
-        ("move the cyan ring over the light gray one", ["cy", "##an", "light", "gray"]),
+        ("the lightest brown block goes on the green and grey ones", ["brown", "green", "grey"]),
+        ("move the cyan ring over the gray one", ["cy", "##an", "gray"]),
         ("", []),
     ],
 )
@@ -82,20 +82,37 @@ def test_a_colourless_sentence_lacks_its_colours_alone(sentence: str, hidden: li
     """It has as many tokens, and the same ones where there is no colour; the names are read apart."""
     encoder = shared_encoder()
     pieces = encoder.pieces._tokenizer
-    plain, (rest, names, mask) = encoder.encode_one(sentence), color_name_reader().read([sentence])
+    plain, (rest, names, shades, mask) = encoder.encode_one(sentence), color_name_reader().read([sentence], "open")
+    assert shades.isnan().all(), "basic terms are for the head"
     named = names[0].any(-1)
     assert [pieces.id_to_token(int(number)) for number in encoder.pieces([sentence]).numbers[0][named]] == hidden
     assert rest.shape == names.shape == plain.tokens.shape and torch.equal(mask, plain.mask)
     assert torch.equal(rest, plain.tokens) == (not hidden)
-    longer = color_name_reader().read([sentence, "put the green and the yellow blocks in the darker brown box"])
+    longer = color_name_reader().read([sentence, "put the green and the yellow blocks in the brown box there"], "open")
     assert torch.equal(longer.rest[0][longer.mask[0]], rest[0]) and not longer.names[0][~longer.mask[0]].any()
 
 
-def test_a_colours_name_is_read_as_in_any_sentence() -> None:
+def test_a_told_name_is_one_word_whose_colour_is_known() -> None:
     reader = color_name_reader()
-    one, other = reader.read(["the dusty purple block", "put it in the Dusty Purple bowl"]).names
+    rest, names, shades, mask = reader.read(["put the red block in a Blue With A Hint Of Purple bowl"], "open")
+    plain = shared_encoder().encode_one("put the colored block in a colored bowl")
+    assert torch.equal(rest, plain.tokens) and torch.equal(mask, plain.mask)
+    known = ~shades[0].isnan().any(-1)
+    assert known.nonzero().flatten().tolist() == [7] and names[0].any(-1).nonzero().flatten().tolist() == [3]
+    assert torch.allclose(shades[0, 7], scaled_lab(torch.tensor((83.0, 60, 198)) / 255), atol=1e-5)
+    longer = reader.read(["a crimson block", "put the red block in a light grey bowl"], "open")
+    assert torch.isfinite(longer.shades).all(-1).nonzero().tolist() == [[0, 2], [1, 7]], "nothing in the padding"
+    cut = reader.read(["block " * 60 + "royal blue"], "open")
+    assert cut.rest.shape == (1, MAX_TOKENS, 384) and cut.shades.isnan().all()
+
+
+def test_the_strict_arm_knows_no_colour_that_it_was_not_told() -> None:
+    reader = color_name_reader()
+    one, other = reader.read(["the dusty purple block", "put it in the Dusty Purple bowl"], "strict").names
     assert torch.equal(one[one.any(-1)], other[other.any(-1)]) and int(one.any(-1).sum()) == 2
-    cut = reader.read(["block " * 45 + "royal blue"])
+    shades = reader.read(["the dusty purple block on the dusty blue one"], "strict").shades
+    assert torch.isfinite(shades).all(-1).nonzero()[:, 1].tolist() == [7]
+    cut = reader.read(["block " * 45 + "dusty purple"], "strict")
     assert cut.rest.shape == (1, MAX_TOKENS, 384) and int(cut.names[0].any(-1).sum()) == 1
 
 

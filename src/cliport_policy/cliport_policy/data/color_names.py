@@ -88,6 +88,12 @@ def terms_told(arm: str) -> list[str]:
     return [term for term in BASIC_TERMS if _is_told(term, arm)]
 
 
+def shade_told(name: str, arm: str) -> tuple[float, float, float] | None:
+    """Return the colour, RGB 0..1, of a name in small letters that an arm is told; None for a basic term."""
+    name = name.replace("gray", "grey")
+    return None if name in _SPELLINGS else names_told(arm).get(name)
+
+
 def _is_told(name: str, arm: str) -> bool:
     return arm == "open" or not any(stem in name for stem in UNSEEN_STEMS)
 

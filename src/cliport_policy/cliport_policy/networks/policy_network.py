@@ -18,14 +18,16 @@ class Goal:
     """Batch of goals, and what a network has seen of their scenes.
 
     language: (B, D), the sentences' vectors. images: (B, 5, H, W), the finished scenes, if given.
-    tokens: (B, T, ...), the words' frozen embeddings, and words, what the network made of them; mask: (B, T), True at
-    a word. seen: features (B, ...) of the observations, which `look` adds.
+    tokens: (B, T, ...), the words' frozen embeddings, and words, what the network made of them; shades: (B, T, 3),
+    scaled CIELAB of words whose colour is known, NaN at others; mask: (B, T), True at a word. seen: features (B, ...)
+    of the observations, which `look` adds.
     """
 
     language: Tensor | None = None
     images: Tensor | None = None
     tokens: Tensor | None = None
     words: Tensor | None = None
+    shades: Tensor | None = None
     mask: Tensor | None = None
     seen: tuple[Tensor, ...] = ()
 

@@ -16,7 +16,7 @@ from cliport_policy.named_colors import basic_tokens, color_name_reader
 from cliport_policy.networks.compact.goal_reader import GoalReader
 from cliport_policy.networks.compact.rotator import Rotator
 from cliport_policy.networks.joint.aligner import Aligner
-from cliport_policy.networks.joint.color_maps import ColorMaps, without_colors
+from cliport_policy.networks.joint.color_maps import ColorMaps, is_known, shown_by_maps, without_colors
 from cliport_policy.networks.joint.transport import GatedTransport
 from cliport_policy.networks.joint.trunk import Decoder, Encoder, pooled
 from cliport_policy.networks.policy_network import Goal, Placings, PolicyNetwork
@@ -64,17 +64,19 @@ class JointNetwork(PolicyNetwork):
         """Return the goals of B sentences; images are not read."""
         device = self.null_score.device
         if self.config.color_reading == "names":
-            read, tokens, mask = (part.to(device) for part in color_name_reader().read(sentences))
+            found = color_name_reader().read(sentences, self.config.color_words)
+            read, tokens, shades, mask = (part.to(device) for part in found)
         else:
             tokens, mask = (part.to(device) for part in shared_encoder().encode_cached(sentences))
-            read = tokens
+            read, shades = tokens, None
         words = self.goal_reader.read_words(read, mask)
-        return Goal(self.goal_reader.pool_words(words, mask), tokens=tokens, words=words, mask=mask)
+        return Goal(self.goal_reader.pool_words(words, mask), tokens=tokens, words=words, shades=shades, mask=mask)
 
     def look(self, images: Tensor, goal: Goal) -> Goal:
         """Return the goals with the encoder's levels and a vector of the whole scene, the last one.
 
-        In training gray_share of the samples are seen in grey, with their colours in the colour maps alone.
+        In training gray_share of the samples are seen in grey, with their colours in the colour maps alone. So is a
+        scene whose sentence has a name of the survey: things of such colours look like nothing that was learned from.
         """
         tokens, words, mask, language = goal.tokens, goal.words, goal.mask, goal.language
         assert tokens is not None and words is not None and mask is not None and language is not None
@@ -82,11 +84,13 @@ class JointNetwork(PolicyNetwork):
         x = F.pixel_unshuffle(images, 2)  # (B, 4 C, H/2, W/2)
         by_name = self.config.color_reading == "names"
         basic = basic_tokens(self.config.color_words).to(x.device) if by_name else None
-        maps = None if self.color_maps is None else self.color_maps(x, tokens, words, mask, basic)
+        maps = None if self.color_maps is None else self.color_maps(x, tokens, words, mask, basic, goal.shades)
         if self.training and self.config.gray_share:
             gray = torch.rand(len(images)) < self.config.gray_share
             x = without_colors(x, gray.to(images.device))
         if maps is not None:
+            if goal.shades is not None:
+                x = shown_by_maps(x, maps, is_known(goal.shades).any(1))
             x = torch.cat((x, maps.to(x.dtype)), dim=1)
             whole.append(F.avg_pool2d(maps, _COLOR_POOL, _COLOR_POOL // 2).amax((2, 3)).to(language.dtype))
         levels = self.encoder(x.contiguous(memory_format=torch.channels_last), language, words, mask)
