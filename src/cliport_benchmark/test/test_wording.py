@@ -7,6 +7,8 @@ import pytest
 
 from cliport_benchmark.errors import OptionError
 from cliport_benchmark.wording import Wording, load_patterns, load_synonyms
+from cliport_policy.data.strange_words import STRANGE_NAMES
+from sim_bridge.objects.kit_shapes import KIT_SHAPES
 from sim_bridge.tasks import ColorGoal
 from sim_bridge.tasks.color_goal import PATTERN
 
@@ -35,3 +37,9 @@ def test_colours_within_a_slot_are_said_otherwise_too() -> None:
     slots = {"color": "green", "place": "the blue and red blocks"}
     said = wording.sentence("put the {color} block on {place}", slots, 0)
     assert said == "put the green block on the azure and blue blocks"
+
+
+def test_no_strange_name_is_one_of_the_benchmarks() -> None:
+    """What training calls shapes by strange names never says a held-out one."""
+    words = {word for shape in KIT_SHAPES for word in shape.name.split()} - {"letter", "shape"}
+    assert len(STRANGE_NAMES) > 50 and not any(word in name.split() for name in STRANGE_NAMES for word in words)

@@ -73,6 +73,7 @@ class TrainConfig:
     done_share: share of samples that show a finished scene, if there are any.
     absent_share: share of samples whose sentence is exchanged for one about things that are not in the scene; for data
     sets that list what lies on the table.
+    strange_share: share of samples of kits whose shape is called by a name that no demonstration holds.
     augment_probability: share of samples that are moved by a random SE(2) transform.
     rotation_sigma_deg, translation_sigma_px: spread of these transforms.
     directed_rotation_sigma_deg: spread of rotations for a sentence that names a direction, such as left, which turning
@@ -106,6 +107,7 @@ class TrainConfig:
     transport_rotations: int = 4
     done_share: float = 0.15
     absent_share: float = 0.0
+    strange_share: float = 0.0
     augment_probability: float = 0.6
     rotation_sigma_deg: float = 60.0
     directed_rotation_sigma_deg: float = 10.0
@@ -134,7 +136,7 @@ class TrainConfig:
                 raise ConfigError(f"{field.name}={value} must be a number of {least.get(field.name, 0)} or more")
         if self.learning_rate == 0:
             raise ConfigError("learning_rate=0 learns nothing: give a positive one")
-        shares = ("ema_decay", "done_share", "absent_share", "augment_probability")
+        shares = ("ema_decay", "done_share", "absent_share", "strange_share", "augment_probability")
         for name in (*shares, "recolor_probability", "rearrange_probability", "mirror_probability"):
             if getattr(self, name) > 1:
                 raise ConfigError(f"{name}={getattr(self, name)} must be in 0..1")

@@ -52,6 +52,22 @@ def test_what_is_drawn_is_never_in_the_scene(tmp_path: Path) -> None:
     assert len(said) == 6  # two foreign sentences for each of three scenes
 
 
+def test_half_of_what_is_drawn_names_colours_that_other_things_have(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    more = {
+        "put the blue blocks in a red bowl": [("blue", "block"), ("red", "bowl")],  # the first scene has both colours
+        **{f"put the {color} blocks in a {color} bowl": [(color, "block"), (color, "bowl")] for color in "abcdefgh"},
+    }
+    monkeypatch.setitem(globals(), "SCENES", {**SCENES, **more})
+    mixture = Mixture([Source(load_demonstrations(_write(tmp_path / "set")))])
+    absences, rng = Absences(mixture), np.random.default_rng(0)
+    first = next(mixture[i] for i in range(len(mixture)) if mixture[i].frame.episode == 0)
+    said = [absences.draw(first, rng).demo.instruction for _ in range(400)]
+    hard = ("put the blue blocks in a red bowl", "move the red ring to the lighter brown side")
+    assert 0.45 < sum(sentence in hard for sentence in said) / len(said) < 0.65  # 2 of 12 sentences if drawn alike
+
+
 def test_a_set_that_does_not_list_its_things_is_refused(tmp_path: Path) -> None:
     mixture = Mixture([Source(load_demonstrations(_write(tmp_path / "set", listed=False)))])
     with pytest.raises(ConfigError, match="does not list the things on the table"):

@@ -25,7 +25,7 @@ from cliport_policy.training.losses import (
 OURS = {
     "steps": 6000, "batch_size": 16, "accumulate": 1, "learning_rate": 2e-3, "weight_decay": 1e-4,
     "schedule": "cosine", "warmup_steps": 200, "ema_decay": 0.998, "gradient_clip": 1.0, "targets": "soft",
-    "rotator_rotations": 12, "transport_rotations": 4, "done_share": 0.15, "absent_share": 0.0,
+    "rotator_rotations": 12, "transport_rotations": 4, "done_share": 0.15, "absent_share": 0.0, "strange_share": 0.0,
     "augment_probability": 0.6, "rotation_sigma_deg": 60.0, "directed_rotation_sigma_deg": 10.0,
     "translation_sigma_px": 26.67, "recolor": "none", "recolor_probability": 0.7, "rearrange_probability": 0.0,
     "mirror_probability": 0.0, "stretch_sigma": 0.0, "bend_sigma_px": 0.0, "jitter": True, "phrases_per_goal": 200,
@@ -57,7 +57,8 @@ def test_recipes_are_those_that_were_published() -> None:
         ({"steps": 0}, False), ({"batch_size": 0}, False), ({"accumulate": 0}, False), ({"warmup_steps": -1}, False),
         ({"learning_rate": 0}, False), ({"learning_rate": math.inf}, False), ({"weight_decay": -0.1}, False),
         ({"done_share": 1}, True), ({"done_share": 1.01}, False), ({"absent_share": 1.01}, False),
-        ({"augment_probability": 1.01}, False), ({"recolor_probability": 1.01}, False), ({"ema_decay": 1.01}, False),
+        ({"strange_share": 1.01}, False), ({"augment_probability": 1.01}, False), ({"ema_decay": 1.01}, False),
+        ({"recolor_probability": 1.01}, False),
         ({"rearrange_probability": 1.01}, False), ({"rearrange_probability": 1.0}, True), ({"schedule": "x"}, False),
         ({"mirror_probability": 1.01}, False), ({"mirror_probability": 1.0}, True),
         ({"stretch_sigma": -0.1}, False), ({"bend_sigma_px": -1}, False),

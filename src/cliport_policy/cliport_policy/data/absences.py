@@ -12,6 +12,7 @@ from cliport_policy.data.named_things import NamedThings, named_things
 from cliport_policy.errors import ConfigError
 
 _OWN_SHARE = 0.75  # of exchanged sentences that are about the scene's own task
+_HARD_SHARE = 0.5  # of exchanged sentences that name colours which the scene shows, at other things, if one is found
 _TRIES = 12
 
 
@@ -37,18 +38,26 @@ class Absences:
         self._all = [one for sentences in self._own.values() for one in sentences]
 
     def draw(self, drawn: Drawn, rng: np.random.Generator) -> Drawn:
-        """Return a drawn scene under a sentence about what it lacks; itself if none was found."""
+        """Return a drawn scene under a sentence about what it lacks; itself if none was found.
+
+        Half of the sentences name colours that something else in the scene has: these are hard to tell.
+        """
         if not drawn.frame.things:
             return drawn
+        shown = {color for color, _ in drawn.frame.things}
+        is_hard, found = rng.random() < _HARD_SHARE, None
         for _ in range(_TRIES):
             own = self._own[str(drawn.data.folder)]
             sentences = own if own and rng.random() < _OWN_SHARE else self._all
             if not sentences:
                 return drawn
             sentence, things = sentences[int(rng.integers(len(sentences)))]
-            if not things.are_among(drawn.frame.things):
-                return drawn._replace(demo=_absent(drawn.demo, sentence))
-        return drawn
+            if things.are_among(drawn.frame.things):
+                continue
+            found = sentence
+            if not is_hard or things.colors() <= shown:
+                break
+        return drawn if found is None else drawn._replace(demo=_absent(drawn.demo, found))
 
 
 def _absent(demo: Demonstration, sentence: str) -> Demonstration:

@@ -30,6 +30,7 @@ from cliport_policy.data.paraphrase import paraphrase
 from cliport_policy.data.phrasings import says_all
 from cliport_policy.data.rearrange import rearranged
 from cliport_policy.data.recolor import Recoloring, Repainting
+from cliport_policy.data.strange_words import strange_words
 from cliport_policy.observation import stack_channels
 
 
@@ -127,6 +128,8 @@ def make_sample(
     sentence = sentence if mirror is None else mirror.sentence(sentence)
     # What is missing must be named: "the red piece" may be there where a red star is not.
     phrase, seed = phrasebook.draw(sentence, rng, whole=demo.absent), int(rng.integers(2**62))
+    if config.strange_share and rng.random() < config.strange_share:
+        phrase = strange_words(phrase, demo, drawn.frame.things, rng)
     observation = drawn.data.observation(drawn.frame)
     if config.rearrange_probability and settings.rearrange and rng.random() < config.rearrange_probability:
         observation, demo = rearranged(observation, demo, rng)

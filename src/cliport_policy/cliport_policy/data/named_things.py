@@ -21,6 +21,10 @@ class NamedThings(NamedTuple):
             _is_among(kind, things) for kind in self.places
         )
 
+    def colors(self) -> set[str]:
+        """Return the colours that are named."""
+        return {color for color, _ in (*self.picks, *self.places) if color}
+
 
 def _is_among(kind: Kind, things: Collection[tuple[str, str]]) -> bool:
     color, name = kind

@@ -18,6 +18,7 @@ _NAME = "training_state.safetensors"
 _CONFIG_NAME = "training_config.json"
 _BEFORE = {  # what earlier versions did, which had no such settings
     "train.absent_share": 0.0,
+    "train.strange_share": 0.0,
     "train.mirror_probability": 0.0,
     "train.stretch_sigma": 0.0,
     "train.bend_sigma_px": 0.0,
