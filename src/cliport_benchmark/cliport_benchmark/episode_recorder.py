@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from collections.abc import Callable
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -13,6 +14,13 @@ from cliport_policy.data.dataset_format import Demo, Row, SeenThing
 from sim_bridge.rendering.camera import RgbdFrame
 from sim_bridge.tasks import Task
 from sim_bridge.world import SimWorld
+
+
+class EpisodeNumber(NamedTuple):
+    """Number of an episode in its data set, and the seed of its scene."""
+
+    episode: int
+    seed: int
 
 
 class Hand(Protocol):
@@ -29,12 +37,13 @@ def record_episode(
     hand: Hand,
     rng: np.random.Generator,
     goals_per_scene: int,
-    episode: int,
-    seed: int,
+    number: EpisodeNumber,
+    mistake: Callable[[], PickPlaceAction | None] = lambda: None,
 ) -> list[Row] | None:
     """Record the rows of an episode; where the task was done the last one shows that, under the sentence said last.
 
-    rng draws which further goals of each scene are asked for, at most `goals_per_scene` in all.
+    rng draws which further goals of each scene are asked for, at most `goals_per_scene` in all. mistake is asked before
+    each of the expert's actions for one that precedes it: the row shows what that left, and the expert puts it right.
     None when the expert did not get the task done, as the original leaves those out, or would have to act outside the
     workspace (docs/benchmark.md, "Demonstrations").
 
@@ -47,6 +56,11 @@ def record_episode(
         done = task.done()
         if not done and step == task.max_steps:
             break
+        wrong = None if done else mistake()
+        if wrong is not None:
+            hand.execute(wrong, observer.frame(world))
+            task.advance()
+            done = task.done()
         said = said if done else task.instruction
         try:
             # before the own action: the expert takes the last that it was asked for to be the one carried out
@@ -60,7 +74,8 @@ def record_episode(
         frame = observer.frame(world)
         demos = (own, *others, *_reached_before(task, said))
         things = tuple(seen_things(world, observer.workspace))
-        rows.append(Row(task.name, task.split.value, seed, episode, step, observer.heightmap(frame), demos, things))
+        seen = observer.heightmap(frame)
+        rows.append(Row(task.name, task.split.value, number.seed, number.episode, step, seen, demos, things))
         if action is None:
             break
         hand.execute(action, frame)

@@ -11,9 +11,10 @@ from pathlib import Path
 from typing import Any
 
 import cv2
+import numpy as np
 
 from cliport_benchmark.arm_hand import ArmHand
-from cliport_benchmark.episode_recorder import record_episode
+from cliport_benchmark.episode_recorder import EpisodeNumber, record_episode
 from cliport_benchmark.errors import DataFolderError, OptionError
 from cliport_benchmark.json_files import differences, read_json, write_json
 from cliport_benchmark.kinematic_hand import KinematicHand
@@ -21,6 +22,7 @@ from cliport_benchmark.observer import Observer
 from cliport_benchmark.own_setup import OwnSetup
 from cliport_benchmark.parallel import run_parallel
 from cliport_benchmark.variation import Variation
+from cliport_core import PickPlaceAction
 from cliport_policy.data.dataset_format import (
     FORMAT_VERSION,
     HEIGHT_UNIT,
@@ -32,7 +34,7 @@ from cliport_policy.data.dataset_format import (
 from sim_bridge.errors import LayoutError, PhysicsError
 from sim_bridge.rendering.sensor_noise import NoiseConfig
 from sim_bridge.scene import Stream, reset_scene, scene_rng
-from sim_bridge.tasks import make_task
+from sim_bridge.tasks import Task, make_task
 from sim_bridge.world import SimWorld
 
 
@@ -47,8 +49,11 @@ class Mode(Enum):
 class GenerateConfig:
     """Settings of a data set; the same values make the same bytes.
 
+    mistakes: share of the expert's actions before which something is done wrong, which the expert puts right.
+
     Raises:
-        OptionError: on numbers that make no data set, or several goals for a task whose scenes have one.
+        OptionError: on numbers that make no data set, several goals for a task whose scenes have one, or mistakes in a
+            task that knows none.
         UnknownNameError: on an unknown task or split.
     """
 
@@ -60,12 +65,17 @@ class GenerateConfig:
     mode: Mode = Mode.FAST
     variation: Variation = field(default_factory=Variation)
     setup: OwnSetup = field(default_factory=OwnSetup)
+    mistakes: float = 0.0
     episodes_per_part: int = 50
 
     def __post_init__(self) -> None:
         task = make_task(self.task, self.split)
         if self.goals_per_scene > 1 and not task.several_goals:
             raise OptionError(f"--goals-per-scene must be 1 for {task.name}, which has one goal a scene")
+        if not 0 <= self.mistakes <= 1:
+            raise OptionError(f"--mistakes must be in 0..1, got {self.mistakes}")
+        if self.mistakes and not task.knows_mistakes:
+            raise OptionError(f"--mistakes must be 0 for {task.name}, whose expert makes none")
         for name, value, least in (
             ("--first-seed", self.first_seed, 0),
             ("--episodes", self.episodes, 1),
@@ -100,6 +110,7 @@ class GenerateConfig:
             "episodes_per_part": self.episodes_per_part,
             "goals_per_scene": self.goals_per_scene,
             "mode": self.mode.value,
+            "mistakes": self.mistakes or None,
             "randomize": self.variation.settings() or False,
             "height_unit": HEIGHT_UNIT,
             **self.setup.settings(),
@@ -177,15 +188,21 @@ def _make_episode(
     try:
         task = reset_scene(world, config.task, config.split, seed)
         config.variation.add_to(world, task, seed)
-        streams = (Stream.NOISE, Stream.HAND, Stream.GOALS)
-        noise, hands, goals = (scene_rng(task.name, task.split, seed, s) for s in streams)
+        streams = (Stream.NOISE, Stream.HAND, Stream.GOALS, Stream.MISTAKES)
+        noise, hands, goals, mistakes = (scene_rng(task.name, task.split, seed, s) for s in streams)
         observer.new_scene(noise)
         if arm is not None:
             arm.new_scene(task.primitive)
         hand = arm or KinematicHand(world, hands)
-        return record_episode(world, task, observer, hand, goals, config.goals_per_scene, episode, seed)
+        mistake = partial(_mistake, task, config.mistakes, mistakes)
+        number = EpisodeNumber(episode, seed)
+        return record_episode(world, task, observer, hand, goals, config.goals_per_scene, number, mistake)
     except (LayoutError, PhysicsError):
         return None
+
+
+def _mistake(task: Task, share: float, rng: np.random.Generator) -> PickPlaceAction | None:
+    return task.mistake(rng) if rng.random() < share else None
 
 
 def _open_folder(config: GenerateConfig, folder: Path, provenance: dict[str, Any]) -> None:

@@ -36,6 +36,7 @@ def main(arguments: list[str] | None = None) -> int:
             Mode(options.mode),
             variation_of(options),
             setup_of(options),
+            options.mistakes,
         )
         progress = _Progress(config)
         provenance = {"command": command_line("generate", argv), **source_state().to_dict()}
@@ -83,6 +84,12 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--first-parts", type=int, help="make only the first files now; without it, the rest, too")
     parser.add_argument("--goals-per-scene", type=int, default=1, help="goals asked for in each observation")
     parser.add_argument("--mode", choices=[m.value for m in Mode], default=Mode.FAST.value)
+    parser.add_argument(
+        "--mistakes",
+        type=float,
+        default=0.0,
+        help="share of the actions before which a mistake is made, then put right",
+    )
     add_setup_options(parser)
     add_variation_options(parser)
     return parser

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from cliport_benchmark.episode_recorder import record_episode
+from cliport_benchmark.episode_recorder import EpisodeNumber, record_episode
 from cliport_benchmark.observer import Observer
 from cliport_core import PickPlaceAction
 from sim_bridge.rendering.camera import RgbdFrame
@@ -32,6 +32,6 @@ def test_a_failed_grasp_is_held_against_the_block_that_was_tried() -> None:
         if len(task.moves_to_make(task.goals[0])) > 1:
             break
     observer.new_scene(np.random.default_rng(0))
-    assert record_episode(world, task, observer, hand, np.random.default_rng(0), 50, 0, seed) is None
+    assert record_episode(world, task, observer, hand, np.random.default_rng(0), 50, EpisodeNumber(0, seed)) is None
     world.close()
     assert hand.picks[0] != hand.picks[1]

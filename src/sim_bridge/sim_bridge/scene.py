@@ -24,6 +24,7 @@ class Stream(IntEnum):
     CHANCE = 5  # an agent that chooses at random
     AGENT = 6  # the agent that is scored
     PAINT = 7  # what the benchmark's colours look like and are called instead
+    MISTAKES = 8  # that a demonstrator makes and puts right
     CLUTTER = 16
 
 

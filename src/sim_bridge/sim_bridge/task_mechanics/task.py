@@ -44,6 +44,7 @@ class Task(ABC):
     primitive: what the hand does with two poses here.
     redraws: how many scenes were drawn in vain before this one: a thing found no free place, or things flew apart.
     stepwise: whether each sentence asks for one action only; else it asks for all that is left to do.
+    knows_mistakes: whether `mistake` has anything to return.
     several_goals: whether one scene may serve several goals, which `goals_in_scene` lists.
     sentence_pattern: the sentence with {slots} for `sentence_slots`, where it may be reworded; "" where it may not.
     """
@@ -53,6 +54,7 @@ class Task(ABC):
     primitive: Primitive = Primitive.PICK_PLACE
     redraws: int = 0
     stepwise: bool = False
+    knows_mistakes: bool = False
     several_goals: bool = False
     sentence_pattern: str = ""
 
@@ -134,6 +136,13 @@ class Task(ABC):
     @abstractmethod
     def expert_action_for(self, goal: Goal) -> PickPlaceAction | None:
         """Return what brings a goal of this scene nearer; None when all its objects lie right."""
+
+    def mistake(self, rng: np.random.Generator) -> PickPlaceAction | None:
+        """Return an action that does the present goal wrong and can be put right; None where there is none.
+
+        The expert's next action is the one that puts it right.
+        """
+        return None
 
     def chance_score(self, rng: np.random.Generator) -> float | None:
         """Return the mean score, 0..1, of an agent that moves the right kind of thing but chooses at random.

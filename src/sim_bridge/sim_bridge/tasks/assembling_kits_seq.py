@@ -5,10 +5,12 @@ See docs/benchmark.md, "assembling-kits-seq".
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
 
+from cliport_core import PickPlaceAction, PlanarPose
 from sim_bridge.objects.kit_shapes import KIT_SHAPES
 from sim_bridge.task_mechanics.goal import FloatArray, Goal, PoseMetric
 from sim_bridge.task_mechanics.task import Split
@@ -16,12 +18,15 @@ from sim_bridge.tasks.kit_task import N_HOLES, Fit, KitTask, kit_shapes_of
 from sim_bridge.tasks.variants import Variant
 from sim_bridge.world import SimWorld
 
+_WRONG_TURN = math.radians(20)  # of a mistake, at least: the metric allows 15
+
 
 class AssemblingKitsSeq(KitTask):
     """Five shapes of five colours, one goal each."""
 
     sentence_pattern = "put the {color} {shape} in the {hole} hole"
     stepwise = True
+    knows_mistakes = True
 
     def __init__(self, name: str, split: Split, variant: Variant) -> None:
         super().__init__(name, split)
@@ -38,6 +43,22 @@ class AssemblingKitsSeq(KitTask):
         colors = [str(color) for color in rng.permutation(self.palette)[:N_HOLES]]
         fits = self.spawn(world, rng, colors, self.shapes)
         return [_goal(fits[i], fits) for i in rng.permutation(N_HOLES)]
+
+    def mistake(self, rng: np.random.Generator) -> PickPlaceAction | None:
+        """Return an action that puts the present goal's shape turned wrongly into its print, or into one that waits."""
+        goal, waiting = self.present_goal, self.goals[self.goals_reached + 1 :]
+        if goal is None or self.done():
+            return None
+        period = goal.symmetries[0]
+        if period > 2 * _WRONG_TURN and (not waiting or rng.random() < 0.5):
+            target = PlanarPose.from_pose(goal.targets[0])
+            turn = float(rng.uniform(_WRONG_TURN, period - _WRONG_TURN))
+            target = PlanarPose(target.x, target.y, target.yaw + turn)
+        elif waiting:
+            target = PlanarPose.from_pose(waiting[int(rng.integers(len(waiting)))].targets[0])
+        else:
+            return None
+        return self.move(goal, goal.objects[0], target)
 
 
 def _goal(fit: Fit, fits: Sequence[Fit]) -> Goal:
