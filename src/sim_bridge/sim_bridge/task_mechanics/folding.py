@@ -31,26 +31,37 @@ def next_fold(
     """
     slots = min((slots, slots[::-1]), key=lambda s: float(np.linalg.norm(beads - s, axis=1).sum()))
     distance = np.linalg.norm(beads - slots, axis=1)
-    along = math.atan2(*(slots[-1] - slots[0])[::-1])
     tries = np.zeros(len(beads), int) if in_vain is None else in_vain
-    ways: list[tuple[tuple[int, float], int, float, float]] = []
+    ways: list[tuple[tuple[int, float], int, float]] = []
     for i in np.flatnonzero(distance >= _SLOT_TOLERANCE).tolist():
-        before, after = beads[max(i - 1, 0)], beads[min(i + 1, len(beads) - 1)]
-        tangent = math.atan2(*(after - before)[::-1])
+        tangent = _tangent(beads, i)
         for tilt in _TILTS:
             caught = _caught(beads, i, tangent + math.pi / 2 + tilt)
-            ways.append(((-int(tries[i]), distance[i] - DISTANCE_PER_CAUGHT_BEAD * caught), i, tangent, tilt))
+            ways.append(((-int(tries[i]), distance[i] - DISTANCE_PER_CAUGHT_BEAD * caught), i, tilt))
     if not ways:
         return -1, None
-    _, i, tangent, tilt = max(ways, key=lambda way: way[0])
+    _, i, tilt = max(ways, key=lambda way: way[0])
+    return i, fold_to(beads, i, slots, i, tilt)
+
+
+def fold_to(beads: FloatArray, i: int, slots: FloatArray, slot: int, tilt: float = 0.0) -> PickPlaceAction:
+    """Return the action that takes bead i to a slot and turns the rope there as the slots run; tilt [rad]: of the jaws
+    from straight across the rope. beads, slots: as next_fold's."""
+    tangent = _tangent(beads, i)
+    along = math.atan2(*(slots[-1] - slots[0])[::-1])
     yaw = math.remainder(tangent + math.pi / 2 + tilt, math.pi)
     turn = math.remainder(along - tangent, math.tau)
     turn = max(-math.pi / 2, min(math.pi / 2, turn))
-    return i, PickPlaceAction(
+    return PickPlaceAction(
         PlanarPose(float(beads[i, 0]), float(beads[i, 1]), yaw),
-        PlanarPose(float(slots[i, 0]), float(slots[i, 1]), yaw + turn),
+        PlanarPose(float(slots[slot, 0]), float(slots[slot, 1]), yaw + turn),
         Primitive.FOLD,
     )
+
+
+def _tangent(beads: FloatArray, i: int) -> float:
+    before, after = beads[max(i - 1, 0)], beads[min(i + 1, len(beads) - 1)]
+    return math.atan2(*(after - before)[::-1])
 
 
 def _caught(beads: FloatArray, i: int, yaw: float) -> int:

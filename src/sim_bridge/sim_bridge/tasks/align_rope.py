@@ -23,8 +23,8 @@ from sim_bridge.objects.rope import (
     standing_chain,
 )
 from sim_bridge.sleeping import let_sleep
-from sim_bridge.task_mechanics.folding import next_fold
-from sim_bridge.task_mechanics.goal import Goal, PoseMetric
+from sim_bridge.task_mechanics.folding import fold_to, next_fold
+from sim_bridge.task_mechanics.goal import FloatArray, Goal, PoseMetric
 from sim_bridge.task_mechanics.goal_task import GoalTask
 from sim_bridge.task_mechanics.task import Split
 from sim_bridge.world import SimWorld
@@ -52,6 +52,7 @@ class AlignRope(GoalTask):
     sentence_pattern = "align the rope from {begin} to {end}"
     done_sentence = "done aligning the rope."
     primitive = Primitive.FOLD
+    knows_mistakes = True
     sides_without_words: Sequence[int] = range(len(SIDES))  # that may be asked for
 
     def __init__(self, name: str, split: Split) -> None:
@@ -93,14 +94,24 @@ class AlignRope(GoalTask):
 
     def expert_action_for(self, goal: Goal) -> PickPlaceAction | None:
         """Return the drag of one bead to its slot, with the rest of the rope behind it."""
-        world = self.world
-        beads = np.array([world.object_xy(bead) for bead in goal.objects])
-        slots = np.array([target.translation[:2] for target in goal.targets])
+        beads, slots = self._beads_and_slots(goal)
         in_vain = np.array([self.tries_in_vain(bead) for bead in goal.objects])
         chosen, action = next_fold(beads, slots, in_vain)
         if action is not None:
             self.propose(goal.objects[chosen])
         return action
+
+    def mistake(self, rng: np.random.Generator) -> PickPlaceAction | None:
+        """Return the drag of any bead to the first or the last slot."""
+        goal = self.present_goal
+        if goal is None or self.done():
+            return None
+        beads, slots = self._beads_and_slots(goal)
+        return fold_to(beads, int(rng.integers(ROPE_BEADS)), slots, int(rng.choice((0, ROPE_BEADS - 1))))
+
+    def _beads_and_slots(self, goal: Goal) -> tuple[FloatArray, FloatArray]:
+        beads = np.array([self.world.object_xy(bead) for bead in goal.objects])
+        return beads, np.array([target.translation[:2] for target in goal.targets])
 
 
 class ManipulatingRope(AlignRope):
