@@ -22,6 +22,9 @@ from sim_bridge.errors import LayoutError, PhysicsError
 TASK = "put-blocks-in-bowls-seen-colors"
 
 
+KITS = "assembling-kits-seq-seen-colors"
+
+
 @pytest.mark.parametrize(("episodes", "parts", "last"), [(1, 1, 1), (50, 1, 50), (51, 2, 1), (120, 3, 20)])
 def test_a_data_set_is_made_in_parts_of_fifty(episodes: int, parts: int, last: int) -> None:
     config = GenerateConfig(TASK, "train", 3, episodes)
@@ -36,6 +39,9 @@ def test_a_data_set_is_made_in_parts_of_fifty(episodes: int, parts: int, last: i
         (lambda: GenerateConfig(TASK, "train", 0, 0), "--episodes must be 1 or more, got 0"),
         (lambda: GenerateConfig(TASK, "train", 0, 1, 0), "--goals-per-scene must be 1 or more, got 0"),
         (lambda: GenerateConfig("align-rope", "train", 0, 1, 2), "--goals-per-scene must be 1 for align-rope"),
+        (lambda: GenerateConfig(KITS, "train", 0, 1, mistakes=1.01), r"--mistakes must be in 0\.\.1, got 1\.01"),
+        (lambda: GenerateConfig(KITS, "train", 0, 1, mistakes=float("nan")), r"--mistakes must be in 0\.\.1, got nan"),
+        (lambda: GenerateConfig(TASK, "train", 0, 1, mistakes=0.1), f"--mistakes must be 0 for {TASK}"),
         (lambda: RecordConfig(TASK, "train", -1, 1), "--first-seed must be 0 or more, got -1"),
         (lambda: RecordConfig(TASK, "train", 0, 0), "--episodes must be 1 or more, got 0"),
         (lambda: EvaluateConfig("expert", TASK, "test", -1, 1), "--first-seed must be 0 or more, got -1"),
@@ -49,6 +55,10 @@ def test_numbers_that_make_nothing_are_refused(make, words: str) -> None:
 
 def test_the_least_numbers_will_do() -> None:
     assert GenerateConfig("align-rope", "train", 0, 1, 1).n_parts == 1 and GenerateConfig(TASK, "train", 0, 1, 2)
+    assert GenerateConfig(KITS, "train", 0, 1, mistakes=1.0).settings()["mistakes"] == 1.0
+    assert (
+        GenerateConfig(KITS, "train", 0, 1).settings()["mistakes"] is None
+    )  # as in folders made before there were any
     assert RecordConfig(TASK, "train", 0, 1).name(0) == f"{TASK}-train-000000"
     config = EvaluateConfig("expert", TASK, "test", 0, 1)
     assert list(config.seeds) == [0] and list(EvaluateConfig("expert", TASK, "test", 7, 3).seeds) == [7, 8, 9]

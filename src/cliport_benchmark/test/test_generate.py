@@ -86,6 +86,21 @@ def test_same_settings_make_the_same_bytes(folder: Path, tmp_path: Path) -> None
     assert part_path(tmp_path, 0).read_bytes() == part_path(folder, 0).read_bytes()
 
 
+def test_mistakes_are_seen_and_put_right(tmp_path: Path) -> None:
+    rows = {}
+    for share in (0.0, 1.0):
+        config = GenerateConfig("assembling-kits-seq-seen-colors", "train", 0, 1, mistakes=share)
+        (tmp_path / str(share)).mkdir()
+        assert make_part(config, tmp_path / str(share), 0).discarded == 0
+        rows[share] = read_part(part_path(tmp_path / str(share), 0), WorkspaceSpec())
+    for plain, wrong in zip(rows[0.0][:5], rows[1.0][:5], strict=True):
+        assert plain.demos[0].instruction == wrong.demos[0].instruction and not wrong.demos[0].done
+        moved = math.dist(*((d.pick_row, d.pick_col) for d in (plain.demos[0], wrong.demos[0])))
+        assert moved > 10, "the piece lies elsewhere"
+        assert (wrong.demos[0].place_row, wrong.demos[0].place_col) != (-1, -1)
+    assert rows[1.0][-1].demos[0].done and len(rows[1.0]) == 6
+
+
 def test_a_row_needs_no_code_of_this_project(folder: Path) -> None:
     row = pq.read_table(part_path(folder, 0)).to_pylist()[0]
     names = ["task", "split", "seed", "episode", "step", "color_png", "height_png", "valid_png", "demos", "things"]

@@ -69,6 +69,7 @@ VARIED = {"randomize": None, "mounting_error": None}
                 "processes": 2,
                 "first_parts": None,
                 "goals_per_scene": 1,
+                "mistakes": 0.0,
                 "mode": "fast",
                 **SETUP,
                 **VARIED,

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from cliport_core import PlanarPose, Pose, WorkspaceSpec
+from cliport_core import PickPlaceAction, PlanarPose, Pose, WorkspaceSpec
 from sim_bridge.colors import COLORS, SEEN_PALETTE, UNSEEN_PALETTE
 from sim_bridge.errors import LayoutError
 from sim_bridge.objects import SceneObject
@@ -201,6 +201,44 @@ def _others(row: np.ndarray, i: int) -> list[int]:  # type: ignore[type-arg]
     return [int(k) for k in np.flatnonzero(row) if k != i]
 
 
+def carry(world: SimWorld, thing: SceneObject, action: PickPlaceAction) -> None:
+    here = world.planar_pose(thing)
+    put(world, thing, (action.place @ action.pick.inverse() @ here).as_pose())
+
+
+def test_a_mistake_puts_the_named_shape_wrong_and_the_expert_puts_it_right(world: SimWorld) -> None:
+    rng, wrong_prints = np.random.default_rng(0), 0
+    for seed in range(8):
+        task = reset(world, SEQ, "train", seed)
+        shape, own = task.goals[0].objects[0], task.goals[0].targets[0].translation[:2]
+        others = [goal.targets[0].translation[:2] for goal in task.goals[1:]]
+        mistake = task.mistake(rng)
+        assert mistake is not None
+        carry(world, shape, mistake)
+        at = world.object_xy(shape)
+        assert min(np.linalg.norm(at - print_) for print_ in (own, *others)) < 1e-3
+        wrong_prints += bool(np.linalg.norm(at - own) > 0.01)
+        task.advance()
+        assert task.score() == 0.0 and task.goals_reached == 0
+        action = task.expert_action()
+        assert action is not None and task.judge(action.pick, action.place).pick_right
+        carry(world, shape, action)
+        task.advance()
+        assert task.score() == pytest.approx(0.2) and task.goals_reached == 1
+    assert 0 < wrong_prints < 8, "some are turned wrongly in their own print"
+
+
+def test_a_round_shape_has_no_mistake_when_no_print_waits(world: SimWorld) -> None:
+    rounds = {"ring", "circle"}
+    tasks = ((reset(world, SEQ, split, seed), seed) for split in ("train", "val") for seed in range(60))
+    task = next(task for task, _ in tasks if task.goals[-1].objects[0].name in rounds)
+    for goal in task.goals:
+        assert task.mistake(np.random.default_rng(0)) is None or goal is not task.goals[-1]
+        put(world, goal.objects[0], goal.targets[0])
+        task.advance()
+    assert task.done() and task.mistake(np.random.default_rng(0)) is None
+
+
 def test_the_expert_brings_the_named_shape_over_its_print(world: SimWorld) -> None:
     for seed in range(5):
         task = reset(world, SEQ, "val", seed)
@@ -210,11 +248,7 @@ def test_the_expert_brings_the_named_shape_over_its_print(world: SimWorld) -> No
         choice = task.judge(action.pick, action.place)
         assert choice.pick_right and choice.place_right and choice.picked == goal.objects[0].described
         # moved as the hand moves it, it lies right
-        here, turn = world.planar_pose(goal.objects[0]), action.place.yaw - action.pick.yaw
-        c, s = math.cos(turn), math.sin(turn)
-        dx, dy = here.x - action.pick.x, here.y - action.pick.y
-        there = PlanarPose(action.place.x + c * dx - s * dy, action.place.y + s * dx + c * dy, here.yaw + turn)
-        put(world, goal.objects[0], there.as_pose())
+        carry(world, goal.objects[0], action)
         assert task.score() == pytest.approx(0.2)
         assert task.expert_action() is None
 

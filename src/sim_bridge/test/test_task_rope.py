@@ -119,6 +119,22 @@ def test_the_expert_folds_a_bead_to_a_slot(world: SimWorld) -> None:
     assert choice.picked.endswith("bead") and choice.place_right
 
 
+def test_a_mistake_drags_a_bead_to_an_end_of_the_side(world: SimWorld) -> None:
+    task, taken, put = scene(world, 3), set[int](), set[int]()
+    beads = np.array([world.object_xy(bead) for bead in task.beads])
+    slots = np.array([target.translation[:2] for target in task.goals[0].targets])
+    for seed in range(40):
+        action = task.mistake(np.random.default_rng(seed))
+        assert action is not None and action.primitive is Primitive.FOLD
+        for at, points, found in ((action.pick, beads, taken), (action.place, slots, put)):
+            distance = np.linalg.norm(points - (at.x, at.y), axis=1)
+            assert distance.min() < 1e-6
+            found.add(int(distance.argmin()))
+    assert len(taken) > 10 and put == {0, ROPE_BEADS - 1}
+    lay(world, task, list(range(ROPE_BEADS)))
+    assert task.mistake(np.random.default_rng(0)) is None
+
+
 def test_a_bead_that_is_pinched_beside_its_middle_is_judged_where_the_fold_takes_it(world: SimWorld) -> None:
     """A fold acts where it is told, so a pick 8 mm beside the bead leaves the bead 8 mm behind the place."""
     task = scene(world, 1)
