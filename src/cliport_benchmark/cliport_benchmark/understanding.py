@@ -11,7 +11,7 @@ from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from enum import Enum
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -76,6 +76,13 @@ class Question:
         return self.answer == wanted[Asked(self.asked)]
 
 
+class Examined(NamedTuple):
+    """Questions about one scene; whole: False if it could not be made or flew apart, so that more would be asked."""
+
+    questions: list[Question]
+    whole: bool
+
+
 class Examiner:
     """Asks a policy about scenes of the language-conditioned splits.
 
@@ -98,18 +105,15 @@ class Examiner:
         self.world = SimWorld(setup.sim_config())
         self._observer = Observer(self.world.config, n_threads=1)
 
-    def examine(self, task_name: str, seed: int, index: int) -> list[Question]:
-        """Ask about one scene, of a seed; index says which of the wordings, in turn.
-
-        A scene that cannot be made, or flies apart, gives what was asked so far.
-        """
+    def examine(self, task_name: str, seed: int, index: int) -> Examined:
+        """Ask about one scene, of a seed; index says which of the wordings, in turn."""
         found: list[Question] = []
         try:
             for question in self._examine(task_name, seed, index):
                 found.append(question)
         except (LayoutError, PhysicsError):
-            pass
-        return found
+            return Examined(found, False)
+        return Examined(found, True)
 
     def _examine(self, task_name: str, seed: int, index: int) -> Iterator[Question]:
         self.world.paints = {}

@@ -19,7 +19,7 @@ from cliport_benchmark.parallel import run_parallel
 from cliport_benchmark.policy_facts import policy_facts
 from cliport_benchmark.provenance import command_line, machine
 from cliport_benchmark.task_names import task_names
-from cliport_benchmark.understanding import Asked, Examiner, Question, shares
+from cliport_benchmark.understanding import Asked, Examined, Examiner, shares
 from cliport_benchmark.wording import held_out_patterns
 from cliport_core.command_line import CommandParser
 from cliport_core.source_state import source_state
@@ -40,7 +40,8 @@ def main(arguments: list[str] | None = None) -> int:
         tasks = _tasks(options)
         check_writable(options.out)
         facts = policy_facts(options.checkpoint)
-        questions = _examine(options, [task.name for task in tasks])
+        examined = _examine(options, [task.name for task in tasks])
+        questions = [question for scene in examined for question in scene.questions]
         report = {
             "checkpoint": options.checkpoint,
             **facts,
@@ -48,6 +49,7 @@ def main(arguments: list[str] | None = None) -> int:
             "first_seed": options.first_seed,
             "episodes": options.episodes,
             "survey_colors": options.survey_colors,
+            "broken_scenes": sum(not scene.whole for scene in examined),
             **shares(questions),
             "wrong": [vars(question) for question in questions if not question.right],
             **source_state().to_dict(),
@@ -88,22 +90,23 @@ def _tasks(options: argparse.Namespace) -> list[Task]:
     return tasks
 
 
-def _examine(options: argparse.Namespace, tasks: Sequence[str]) -> list[Question]:
-    """Return all questions in the order of tasks and seeds."""
+def _examine(options: argparse.Namespace, tasks: Sequence[str]) -> list[Examined]:
+    """Return what was asked about each scene, in the order of tasks and seeds."""
     scenes = [(task, options.first_seed + i, i) for task in tasks for i in range(options.episodes)]
     set_up = partial(_set_up, options.checkpoint, options.split, options.survey_colors)
-    found: dict[Scene, list[Question]] = {}
+    found: dict[Scene, Examined] = {}
     with closing(run_parallel(_ask, scenes, options.processes, set_up)) as results:
         for scene, answers in results:
             if isinstance(answers, str):
                 raise BenchmarkError(answers)
             found[scene] = answers
-            right = sum(question.right for question in answers)
+            right, asked = sum(question.right for question in answers.questions), len(answers.questions)
+            broken = "" if answers.whole else "; then the scene broke"
             print(
-                f"[{len(found)}/{len(scenes)}] {scene[0]} seed {scene[1]}: {right} of {len(answers)} answers right",
+                f"[{len(found)}/{len(scenes)}] {scene[0]} seed {scene[1]}: {right} of {asked} answers right{broken}",
                 flush=True,
             )
-    return [question for scene in scenes for question in found[scene]]
+    return [found[scene] for scene in scenes]
 
 
 _examiner: Examiner | str | None = None  # of this worker process; a string says why there is none
@@ -121,7 +124,7 @@ def _set_up(checkpoint: str, split: str, survey_colors: bool) -> None:
         _examiner = str(error)
 
 
-def _ask(scene: Scene) -> list[Question] | str:
+def _ask(scene: Scene) -> Examined | str:
     """Return the answers, or the reason why there are none: errors cross processes as text."""
     if not isinstance(_examiner, Examiner):
         return _examiner or "the worker was not set up"
@@ -145,6 +148,8 @@ def table(report: dict[str, Any]) -> str:
         counts = report["all"][name]
         right = ", ".join(f"{what} right in {counts[f'{what}_right']}" for what in ("thing", "place", "both"))
         lines.append(f"{name}: {right} of {counts['asked']}; answered {_others(counts)}")
+    if report["broken_scenes"]:
+        lines.append(f"{report['broken_scenes']} scenes broke, so that not all of their questions were asked")
     return "\n".join(lines)
 
 

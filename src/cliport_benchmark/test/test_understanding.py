@@ -18,6 +18,7 @@ from cliport_benchmark.wording import held_out_patterns
 from cliport_core import PickPlaceAction, PlanarPose
 from cliport_policy.data.named_things import named_things
 from cliport_policy.inference import Inference
+from sim_bridge.errors import PhysicsError
 from sim_bridge.tasks import Task, make_task
 
 HANOI, BOWLS = "towers-of-hanoi-seq-seen-colors", "put-blocks-in-bowls-seen-colors"
@@ -39,7 +40,9 @@ def examine() -> Iterator[Callable[..., list[Question]]]:
             needs_goal_image=False, workspace=OwnSetup().workspace, infer=lambda _, sentence: answer(sentence)
         )
         made.append(Examiner(policy, "val", **options))  # type: ignore[arg-type]
-        return made[-1].examine(task, seed, 0)
+        examined = made[-1].examine(task, seed, 0)
+        assert examined.whole
+        return examined.questions
 
     yield ask
     for one in made:
@@ -133,6 +136,23 @@ def test_a_sentence_of_another_form_is_no_held_out_wording_and_names_the_paints(
     assert painted[0].sentence == own.replace(colors[0], names[colors[0]])
 
 
+def test_a_scene_that_breaks_gives_what_was_asked_until_then(monkeypatch: pytest.MonkeyPatch) -> None:
+    def flies_apart(*_: Any) -> None:
+        raise PhysicsError("things flew apart")
+
+    monkeypatch.setattr(understanding.KinematicHand, "execute", flies_apart)
+    policy = SimpleNamespace(needs_goal_image=False, workspace=OwnSetup().workspace, infer=lambda *_: inference())
+    examiner = Examiner(policy, "val")  # type: ignore[arg-type]
+    found = examiner.examine(BOWLS, 3, 0)
+    examiner.world.close()
+    assert not found.whole and [question.asked for question in found.questions] == [
+        Asked.WORDING.value,
+        Asked.OPEN.value,
+    ]
+    report = {"tasks": {}, "all": shares(found.questions)["all"], "broken_scenes": 1}
+    assert understanding_cli.table(report).endswith("1 scenes broke, so that not all of their questions were asked")
+
+
 def test_a_policy_that_hears_no_sentence_is_refused() -> None:
     with pytest.raises(OptionError, match="hears no sentences"):
         Examiner(SimpleNamespace(needs_goal_image=True), "val")  # type: ignore[arg-type]
@@ -164,6 +184,7 @@ def test_the_shipped_policy_is_asked_and_what_it_got_wrong_is_written(
     assert understanding_cli.main(asked) == 0
     report = json.loads(out.read_text())
     counts = report["tasks"][BOWLS]
+    assert report["broken_scenes"] == 0
     assert report["all"] == counts and counts[Asked.WORDING.value]["asked"] == 2
     assert counts[Asked.OPEN.value]["right"] >= 2
     wrong = sum(kind["asked"] - kind["right"] for kind in counts.values())
