@@ -160,6 +160,21 @@ def test_an_end_beside_the_rope_is_worth_more_than_a_bead_almost_right() -> None
     np.testing.assert_allclose((action.place.x, action.place.y), slots[0])
 
 
+def test_ends_go_first_and_then_what_is_far() -> None:
+    slots = np.column_stack([np.full(ROPE_BEADS, 0.5), np.arange(ROPE_BEADS) * BEAD_SPACING])
+    beads = slots + np.array([0.012, 0.0])
+    beads[7, 0] += 0.1
+    for _ in range(2):
+        chosen, action = next_fold(beads, slots)
+        assert chosen in (0, ROPE_BEADS - 1) and action is not None
+        beads[chosen] = slots[chosen]
+    assert next_fold(beads, slots)[0] == 7
+    beads[0] += 0.012
+    in_vain = np.zeros(ROPE_BEADS, int)
+    in_vain[0] = 1
+    assert next_fold(beads, slots)[0] == 0 and next_fold(beads, slots, in_vain)[0] == 7
+
+
 def test_a_bead_that_was_tried_in_vain_waits_for_another(world: SimWorld) -> None:
     task = scene(world, 1)
     picked = []

@@ -22,18 +22,20 @@ _TILTS = tuple(math.radians(a) for a in (0, 15, -15, 30, -30, 45, -45))  # of th
 def next_fold(
     beads: FloatArray, slots: FloatArray, in_vain: IntArray | None = None
 ) -> tuple[int, PickPlaceAction | None]:
-    """Return the bead to take to its slot, one that is far from it, and the action;
+    """Return the bead to take to its slot, an end or else one that is far from it, and the action;
     beads and slots (20, 2) [m] in their order along the rope.
 
-    Slots count from the end that fits better. The jaws close across the rope, where the opened fingers meet few
-    other beads. in_vain: how often each bead (20,) was tried for nothing; one that was tried less is better.
-    No action when every bead lies right.
+    Once both ends lie right, the rope between them is nearly straight. Slots count from the end that fits better. The
+    jaws close across the rope, where the opened fingers meet few other beads. in_vain: how often each bead (20,) was
+    tried for nothing; one that was tried less is better. No action when every bead lies right.
     """
     slots = min((slots, slots[::-1]), key=lambda s: float(np.linalg.norm(beads - s, axis=1).sum()))
     distance = np.linalg.norm(beads - slots, axis=1)
     tries = np.zeros(len(beads), int) if in_vain is None else in_vain
     ways: list[tuple[tuple[int, float], int, float]] = []
-    for i in np.flatnonzero(distance >= _SLOT_TOLERANCE).tolist():
+    wrong = np.flatnonzero(distance >= _SLOT_TOLERANCE).tolist()
+    ends = [i for i in wrong if i in (0, len(beads) - 1) and tries[i] == tries.min()]
+    for i in ends or wrong:
         tangent = _tangent(beads, i)
         for tilt in _TILTS:
             caught = _caught(beads, i, tangent + math.pi / 2 + tilt)

@@ -248,8 +248,9 @@ ADAPTATIONS: tuple[Adaptation, ...] = (
     Adaptation(
         "align-rope, manipulating-rope",
         "the jaws pinch a bead across the rope and turn with it; the expert numbers the slots from the end that fits "
-        "the whole rope better, and prefers a bead beside which the fingers meet no other",
-        "a parallel hand has a yaw, and catches what lies beside a bead; the original drags the farthest, unturned",
+        "the whole rope better, takes the ends first, and prefers a bead beside which the fingers meet no other",
+        "a parallel hand has a yaw, and catches what lies beside a bead; the original drags the farthest, unturned; "
+        "with its ends in place the rope is nearly straight",
         "none on the metric; other beads and turns are shown than the original's expert shows",
     ),
     Adaptation(
