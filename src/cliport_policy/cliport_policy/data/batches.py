@@ -124,7 +124,7 @@ def make_sample(
         paints = recoloring.draw(drawn, rng)
     sentence = demo.instruction if paints is None else paints.sentence(demo.instruction)
     if config.mirror_probability and rng.random() < config.mirror_probability:
-        mirror = draw_mirror(demo.instruction, rng)
+        mirror = draw_mirror(rng)
     sentence = sentence if mirror is None else mirror.sentence(sentence)
     # What is missing must be named: "the red piece" may be there where a red star is not.
     phrase, seed = phrasebook.draw(sentence, rng, whole=demo.absent), int(rng.integers(2**62))

@@ -30,9 +30,17 @@ class Mirror(NamedTuple):
     columns: bool
 
     def sentence(self, instruction: str) -> str:
-        """Return a sentence with the words for the sides exchanged."""
-        words = (_ROW_WORDS if self.rows else {}) | (_COLUMN_WORDS if self.columns else {})
-        words |= {there: here for here, there in words.items()}
+        """Return a sentence with the words for the sides exchanged.
+
+        Those of a thing that has a front of its own: left and right, in one mirror; not in two, which are half a turn,
+        nor where it names both, since what goes from left to right also goes from right to left.
+        """
+        if names_own_frame(instruction):
+            both = all(re.search(rf"\b{side}\b", instruction) for side in ("left", "right"))
+            words = _ROW_WORDS if self.rows != self.columns and not both else {}
+        else:
+            words = (_ROW_WORDS if self.rows else {}) | (_COLUMN_WORDS if self.columns else {})
+        words = words | {there: here for here, there in words.items()}
         return re.sub(r"\b[a-z]+\b", lambda word: words.get(word[0], word[0]), instruction)
 
     def scene(self, scene: Heightmap) -> Heightmap:
@@ -68,11 +76,11 @@ class Mirror(NamedTuple):
 MIRRORS = (Mirror(True, False), Mirror(False, True), Mirror(True, True))
 
 
-def draw_mirror(instruction: str, rng: np.random.Generator) -> Mirror | None:
-    """Draw a mirror; None for a sentence about sides of a thing that has a front of its own."""
-    return None if names_own_frame(instruction) else MIRRORS[int(rng.integers(len(MIRRORS)))]
+def draw_mirror(rng: np.random.Generator) -> Mirror:
+    """Draw a mirror, or two."""
+    return MIRRORS[int(rng.integers(len(MIRRORS)))]
 
 
 def mirrored_sentences(instruction: str) -> set[str]:
     """Return what a sentence may become in a mirror."""
-    return set() if names_own_frame(instruction) else {mirror.sentence(instruction) for mirror in MIRRORS}
+    return {mirror.sentence(instruction) for mirror in MIRRORS}
