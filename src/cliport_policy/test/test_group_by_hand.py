@@ -16,7 +16,7 @@ from cliport_policy.encoders.bert_modules import BertShape, untrained_bert
 from cliport_policy.errors import CheckpointError, ConfigError, DataError, TrainingError
 from cliport_policy.training import distributed
 from cliport_policy.training.distributed import Group, join_group
-from cliport_policy.training.initial import Initial
+from cliport_policy.training.initial import Initial, in_brief
 from cliport_policy.training.state import resume_state, save_state
 
 CARD = Card(NetworkConfig(), WorkspaceSpec(), "e", 0.45, {"command": "x"})
@@ -100,6 +100,18 @@ def test_a_training_begins_with_what_fits() -> None:
         replace(initial, card=CARD).put_into(network)  # type: ignore[arg-type]
     with pytest.raises(CheckpointError, match="mine does not fit its card"):
         replace(initial, tensors={"weight": torch.ones(3, 2)}).put_into(network)  # type: ignore[arg-type]
+
+
+def test_a_card_says_of_earlier_trainings_which_data_and_not_each_setting_of_them() -> None:
+    data = [{"weight": 0.5, "task": "t", "commit": "c", "dirty": False, "camera": {"width": 960}}]
+    brief = [{"weight": 0.5, "task": "t", "commit": "c", "dirty": False}]
+    first = {"command": "first", "data": data}
+    second = {"command": "second", "data": data, "train": {"steps": 3}, "init": {"sha256": "0", "made_by": first}}
+    assert in_brief(second) == {
+        **{"command": "second", "data": brief, "train": {"steps": 3}},
+        "init": {"sha256": "0", "made_by": {"command": "first", "data": brief}},
+    }
+    assert second["data"] is data and in_brief({"init": None}) == {"init": None}
 
 
 def test_other_networks_and_workspaces_are_named() -> None:

@@ -21,6 +21,15 @@ from cliport_policy.networks.policy_network import PolicyNetwork
 
 # The choice of a fallback encoder is made when a network is built; put_into compares its result.
 _SETTLED_LATER = {"encoder", "fallback_encoder"}
+_OF_DATA = (
+    "weight",
+    "task",
+    "split",
+    "episodes",
+    "command",
+    "commit",
+    "dirty",
+)  # that is kept of an earlier training's
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +96,21 @@ class Initial:
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values for the card of a network that begins with this checkpoint."""
-        return {"checkpoint": self.name, "sha256": self.sha256, "made_by": self.card.made_by}
+        return {"checkpoint": self.name, "sha256": self.sha256, "made_by": in_brief(self.card.made_by)}
+
+
+def in_brief(made_by: dict[str, Any]) -> dict[str, Any]:
+    """Return what a card says of an earlier training, and of those before it, with its data sets in few words.
+
+    Their settings are in the card of the training itself; a long chain of them would be repeated each time.
+    """
+    brief = dict(made_by)
+    if "data" in brief:
+        brief["data"] = [{name: one[name] for name in _OF_DATA if name in one} for one in brief["data"]]
+    before = brief.get("init")
+    if isinstance(before, dict) and isinstance(before.get("made_by"), dict):
+        brief["init"] = {**before, "made_by": in_brief(before["made_by"])}
+    return brief
 
 
 def primitive_of(
