@@ -138,6 +138,23 @@ def test_anchors_are_far_apart(monkeypatch: pytest.MonkeyPatch) -> None:
     assert torch.equal(trainer._farthest_points(vectors[:2]), vectors[:2])
 
 
+def test_a_fine_tuning_adds_anchors_only_for_what_is_far_from_those_that_it_has() -> None:
+    angles = torch.tensor([0.1, 1.5, 0.3, 1.6])
+    vectors = torch.stack((angles.cos(), angles.sin()), dim=1)
+
+    def anchors(known: list[list[float]], drawn: torch.Tensor) -> torch.Tensor:
+        fake = SimpleNamespace(
+            encoder=SimpleNamespace(encode_cached=lambda _: SimpleNamespace(sentence_vectors=lambda: drawn)),
+            initial=SimpleNamespace(anchors=torch.tensor(known)),
+        )
+        return Trainer._anchor_vectors(fake, SimpleNamespace(all_phrases=lambda: ["a"]))  # type: ignore[arg-type]
+
+    found = anchors([[1.0, 0.0], [1.0, 0.0]], vectors)
+    assert torch.equal(found[0], torch.tensor([1.0, 0.0])) and len(found) == 3
+    assert torch.equal(found[1:], vectors[[1, 3]])
+    assert torch.equal(anchors([[1.0, 0.0]], vectors[[0, 2]]), torch.tensor([[1.0, 0.0]]))
+
+
 def test_phrases_are_embedded_a_part_at_a_time() -> None:
     asked: list[list[str]] = []
 

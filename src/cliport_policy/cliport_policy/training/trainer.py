@@ -36,6 +36,7 @@ from cliport_policy.training.state import resume_state, save_state
 logger = logging.getLogger(__name__)
 
 N_ANCHORS = 256
+COVERED = 0.85  # similarity to an anchor of its initial checkpoint from which on a phrase needs none of this training
 MAX_PHRASES = 12_000  # wordings of all sentences, whose embeddings fit the encoder's cache
 # Lower than the similarity of every sentence of the training grammar (at least 0.58 for wordings not drawn, of all ten
 # tasks; 0.45 with 64 anchors) and higher than that of sentences about other things (at most 0.42 in a list of twenty).
@@ -224,8 +225,12 @@ class Trainer:
 
     def _anchor_vectors(self, phrasebook: Phrasebook) -> Tensor:
         """Return anchors of this training and of its initial checkpoint, whose sentences must not be refused now."""
-        own = _farthest_points(phrase_vectors(self.encoder, phrasebook.all_phrases()))
-        return own if self.initial is None else torch.cat((self.initial.anchors, own))
+        vectors = phrase_vectors(self.encoder, phrasebook.all_phrases())
+        if self.initial is None:
+            return _farthest_points(vectors)
+        known = torch.unique(self.initial.anchors, dim=0)
+        far = vectors[(vectors @ known.T).amax(1) < COVERED]
+        return torch.cat((known, _farthest_points(far))) if len(far) else known
 
     def _identity(self) -> dict[str, Any]:
         drawn_from = {"demonstrations": len(self.data), "weights": [source.weight for source in self.data.sources]}
