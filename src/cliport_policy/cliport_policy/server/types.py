@@ -33,7 +33,7 @@ class ServerConfig:
 
     max_steps: int = 8
     require_approval: bool = False
-    done_threshold: float = 0.4
+    done_threshold: float = 0.25
     absent_threshold: float = 0.5
     min_confidence: float = 0.02
     retries: int = 2
