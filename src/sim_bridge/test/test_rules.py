@@ -30,7 +30,7 @@ from sim_bridge.task_mechanics.task import Split
 def test_the_random_numbers_of_a_scene_are_part_of_every_result() -> None:
     assert {stream.name: int(stream) for stream in Stream} == {
         "SCENE": 0, "NOISE": 1, "HAND": 2, "GOALS": 3, "SCORED_NOISE": 4, "CHANCE": 5, "AGENT": 6, "PAINT": 7,
-        "CLUTTER": 16,
+        "MISTAKES": 8, "CLUTTER": 16,
     }  # fmt: skip
     drawn = [int(scene_rng("align-rope", Split.VAL, 5, stream).integers(1_000_000)) for stream in (0, 1, 16)]
     again = [int(scene_rng("align-rope", split, seed).integers(1_000_000)) for split in Split for seed in (5, 6)]
