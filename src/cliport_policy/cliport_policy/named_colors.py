@@ -23,8 +23,8 @@ class NamedColors(NamedTuple):
 
     rest: (B, T, 384), of the sentences with one and the same word wherever a colour is named. names: (B, T, 384), of
     the pieces of the colours' names in a context of their own, 0 at all other words. shades: (B, T, 3), the scaled
-    CIELAB colour of a name that an arm is told and that is no basic term, at its pieces; NaN elsewhere. mask: (B, T),
-    True at a token.
+    CIELAB colour of a name that an arm is told and that is no basic term, at the one word that stands for it; NaN
+    elsewhere. mask: (B, T), True at a token.
     """
 
     rest: Tensor

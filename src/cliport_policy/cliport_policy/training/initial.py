@@ -21,15 +21,8 @@ from cliport_policy.networks.policy_network import PolicyNetwork
 
 # The choice of a fallback encoder is made when a network is built; put_into compares its result.
 _SETTLED_LATER = {"encoder", "fallback_encoder"}
-_OF_DATA = (
-    "weight",
-    "task",
-    "split",
-    "episodes",
-    "command",
-    "commit",
-    "dirty",
-)  # that is kept of an earlier training's
+# Kept of an earlier training's data sets.
+_OF_DATA = ("weight", "task", "split", "episodes", "command", "commit", "dirty")
 
 
 @dataclass(frozen=True, eq=False)

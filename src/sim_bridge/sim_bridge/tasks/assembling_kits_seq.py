@@ -18,7 +18,7 @@ from sim_bridge.tasks.kit_task import N_HOLES, Fit, KitTask, kit_shapes_of
 from sim_bridge.tasks.variants import Variant
 from sim_bridge.world import SimWorld
 
-_WRONG_TURN = math.radians(20)  # of a mistake, at least: the metric allows 15
+_WRONG_TURN = PoseMetric().rotation + math.radians(5)  # of a mistake, at least: well beyond what the metric allows
 
 
 class AssemblingKitsSeq(KitTask):

@@ -89,8 +89,9 @@ class JointNetwork(PolicyNetwork):
             gray = torch.rand(len(images)) < self.config.gray_share
             x = without_colors(x, gray.to(images.device))
         if maps is not None:
-            if goal.shades is not None:
-                x = shown_by_maps(x, maps, is_known(goal.shades).any(1))
+            known = None if goal.shades is None else is_known(goal.shades).any(1)
+            if known is not None and known.any():
+                x = shown_by_maps(x, maps, known)
             x = torch.cat((x, maps.to(x.dtype)), dim=1)
             whole.append(F.avg_pool2d(maps, _COLOR_POOL, _COLOR_POOL // 2).amax((2, 3)).to(language.dtype))
         levels = self.encoder(x.contiguous(memory_format=torch.channels_last), language, words, mask)
