@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
-from torch import Tensor
 
 from cliport_core.workspace import WorkspaceSpec
 
@@ -95,19 +92,3 @@ class CellGrid:
 def best_rotation(mass: NDArray[np.float32]) -> int:
     """Return the rotation of the likeliest cell of a distribution (k, h, w)."""
     return int(np.unravel_index(mass.argmax(), mass.shape)[0])
-
-
-def with_fits(places: Tensor, candidates: Sequence[Peak], fits: Tensor) -> Tensor:
-    """Return logits of places (k, h, w) with logits of fits (n, k) at n candidates on top.
-
-    Around each candidate the cells keep their shares among each other, and the rotations get those that their fits say.
-    The candidates' shares are dealt out anew by how well they fit; all other cells keep theirs.
-    """
-    joint = places.clone()
-    total = places.logsumexp((0, 1, 2))
-    cells = [torch.from_numpy(peak.near) for peak in candidates]
-    shares = torch.stack([places[:, near].logsumexp((0, 1)) - total for near in cells])  # (n,) logarithms
-    dealt = (shares + fits.logsumexp(1)).log_softmax(0) + shares.logsumexp(0)
-    for near, was, becomes, turns in zip(cells, shares, dealt, fits.log_softmax(1), strict=True):
-        joint[:, near] = places[:, near].logsumexp(0) + turns[:, None] + (becomes - was)
-    return joint

@@ -20,15 +20,16 @@ from cliport_core.pose import PlanarPose
 from cliport_core.workspace import WorkspaceSpec
 from cliport_policy.checkpoint import ANCHORS, Card, load_checkpoint, resolve_checkpoint
 from cliport_policy.errors import CheckpointError, InstructionError, ObservationError
+from cliport_policy.fits import seen_fits, with_fits
 from cliport_policy.inference import AffordanceMaps, Explanation, Inference
 from cliport_policy.language import ENCODER_NAME, TextEncoder, TokenEmbeddings, shared_encoder
 from cliport_policy.memory import release_unused
 from cliport_policy.named_colors import with_colors_alike
 from cliport_policy.networks.factory import compile_network, restore_network
-from cliport_policy.networks.policy_network import Goal, Placings, PolicyNetwork
+from cliport_policy.networks.policy_network import Goal, PolicyNetwork
 from cliport_policy.networks.rotation import bin_angles
 from cliport_policy.observation import observation_tensor
-from cliport_policy.peaks import CellGrid, Peak, best_rotation, with_fits
+from cliport_policy.peaks import CellGrid, Peak, best_rotation
 from cliport_policy.sides import Side, at_side, side_named
 
 _MOST_ALIKE = 6  # places among which a side may be named,
@@ -174,10 +175,8 @@ class Policy:
         candidates = self.grid.peaks(_mass(places[0].float()), _CANDIDATES, _LEAST_SHARE)
         angles = bin_angles(self.card.network.n_rotations)
         yaw = angles[:1] if yaws is None else angles[yaws.argmax(1)]
-        pairs = torch.tensor([[peak.pixel for peak in candidates for _ in angles]], dtype=torch.float32)
-        placings = Placings(pick, yaw, pairs, angles.repeat(len(candidates))[None])
-        fits = self._network.score_fits(image, goal, placings)
-        return with_fits(places[0].float(), candidates, fits[0].float().reshape(len(candidates), -1))[None]
+        fits = seen_fits(self._network, image, goal, pick, yaw, candidates, places[0].float())
+        return with_fits(places[0].float(), candidates, fits)[None]
 
     def place_peak(self, scores: Scores) -> Peak:
         """Return the best place at its best rotation."""

@@ -146,7 +146,7 @@ def test_what_the_aligner_says_is_the_rotation_of_what_is_placed(primitive: Prim
         assert not asked, "what is swept or folded fits nowhere"
         return
     assert math.remainder(action.place.yaw - action.pick.yaw, 2 * math.pi) == pytest.approx(3 * math.pi / 4, abs=1e-5)
-    ((pick, yaw, places, angles, _),) = asked
+    pick, yaw, places, angles, _ = asked[0]
     assert workspace.pixel_to_xy(*map(int, pick[0])) == pytest.approx((action.pick.x, action.pick.y))
     assert float(yaw[0]) == pytest.approx(action.pick.yaw % (2 * math.pi), abs=1e-5)
     assert places.shape == (1, 8 * len(places[0].unique(dim=0)), 2) and angles.shape == places.shape[:2]

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-import torch
+from distributions import two_bowls
 
 from cliport_core.workspace import WorkspaceSpec
-from cliport_policy.peaks import CellGrid, best_rotation, with_fits
+from cliport_policy.peaks import CellGrid
 
 WORKSPACE = WorkspaceSpec()
 LAST_ROW, LAST_COL = WORKSPACE.rows - 1, WORKSPACE.cols - 1
@@ -44,15 +44,8 @@ def test_the_middle_of_a_corner_cell_is_the_peak_where_nothing_is_beside_it() ->
         assert pixel == (4 * cell[0] + 2, 4 * cell[1] + 2)
 
 
-def _two_bowls() -> np.ndarray:
-    """Masses (3, 160, 80) of two places, one likelier, each at a rotation of its own, with a little elsewhere."""
-    mass = np.full((3, 160, 80), 1e-7, np.float32)
-    mass[1, 40, 20], mass[0, 40, 21], mass[2, 100, 60], mass[2, 41, 40] = 0.5, 0.1, 0.3, 0.01
-    return mass / mass.sum()
-
-
 def test_the_best_places_come_in_order_and_lie_apart() -> None:
-    grid, mass = CellGrid(WORKSPACE, 2), _two_bowls()
+    grid, mass = CellGrid(WORKSPACE, 2), two_bowls()
     first, second = grid.peaks(mass, 4, 0.02)
     assert grid.cell_of(first.pixel) == (40, 20) and grid.cell_of(second.pixel) == (100, 60)
     assert first.near[40, 21] and not (first.near & second.near).any()
@@ -64,21 +57,3 @@ def test_the_best_places_come_in_order_and_lie_apart() -> None:
     mass[:, 47, 20] = 0.4  # 3.5 cm from the first: their discs would overlap
     close = grid.peaks(mass / mass.sum(), 2, 0.02)
     assert not (close[0].near & close[1].near).any() and close[1].near.sum() < close[0].near.sum()
-
-
-def test_what_fits_better_takes_a_share_and_rotations_are_as_they_fit() -> None:
-    grid, mass = CellGrid(WORKSPACE, 2), _two_bowls()
-    places, candidates = torch.from_numpy(mass).log(), grid.peaks(mass, 2, 0.02)
-    was = [float(mass[:, peak.near].sum()) for peak in candidates]
-    same = with_fits(places, candidates, torch.zeros(2, 3)).exp().numpy()
-    assert [float(same[:, peak.near].sum()) for peak in candidates] == pytest.approx(was, rel=1e-4)
-    assert same[:, 40, 20] == pytest.approx(np.full(3, mass[:, 40, 20].sum() / 3), rel=1e-4)
-    fits = torch.tensor([[0.0, 0.0, 0.0], [4.0, 5.0, 4.0]])
-    joint = with_fits(places, candidates, fits).exp().numpy()
-    assert float(joint.sum()) == pytest.approx(1.0, rel=1e-4) and best_rotation(joint) == 1
-    assert grid.cell_of(grid.peak(joint[1]).pixel) == (100, 60)
-    odds = was[1] * float(fits[1].exp().sum()) / (was[0] * 3)
-    now = [float(joint[:, peak.near].sum()) for peak in candidates]
-    assert now[1] / now[0] == pytest.approx(odds, rel=1e-3) and sum(now) == pytest.approx(sum(was), rel=1e-4)
-    assert joint[:, 100, 60] / joint[:, 100, 60].sum() == pytest.approx(fits[1].softmax(0).numpy(), rel=1e-4)
-    assert joint[:, 41, 40] == pytest.approx(mass[:, 41, 40], rel=1e-4), "elsewhere nothing changes"
