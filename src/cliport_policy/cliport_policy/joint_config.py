@@ -11,7 +11,6 @@ from cliport_policy.settings import TOKEN_DIM, channel_counts, check_choice, che
 CONTEXT_HEADS = 4  # of the attention among cells
 COLOR_WORDS = ("none", "strict", "open")
 COLOR_READING = ("tokens", "names")
-ADDED = ("aligner", "null_evidence")  # parts, by their names in the network, that a trained one may be given
 REREAD = frozenset({"color_reading", "gray_share", "reads_sides"})  # what a trained network may change on its way
 
 
@@ -37,8 +36,6 @@ class JointConfig:
     a rule; otherwise a word for a side is one like all others. It changes nothing in training.
     aligner: True scores the likeliest places and the rotations there on crops around both; otherwise the correlation
     decides alone, as in checkpoints whose cards do not say.
-    null_evidence: True lets cells of both decoders have a say in the null actions; otherwise a vector of the scene at
-    1/16 decides alone, as in checkpoints whose cards do not say.
     """
 
     widths: tuple[int, ...] = (16, 48, 96, 128)
@@ -58,7 +55,6 @@ class JointConfig:
     chooses_primitive: bool = True
     reads_sides: bool = False
     aligner: bool = False
-    null_evidence: bool = False
 
     def __post_init__(self) -> None:
         check_types(self, "network")
@@ -94,8 +90,3 @@ class JointConfig:
         """
         check_keys(values, (f.name for f in fields(cls)), "network")
         return cls(**{**values, "widths": channel_counts(values.get("widths", cls.widths))})
-
-
-def added_parts(old: JointConfig, new: JointConfig) -> list[str]:
-    """Return the parts, by their names in the network, that a trained network of the old config lacks for the new."""
-    return [part for part in ADDED if getattr(new, part) and not getattr(old, part)]

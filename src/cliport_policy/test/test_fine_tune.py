@@ -8,16 +8,12 @@ from pathlib import Path
 
 import pytest
 import torch
-from joint_networks import small_joint_network
 from safetensors.torch import load_file
 
-from cliport_core.workspace import WorkspaceSpec
-from cliport_policy.checkpoint import ANCHORS, Card, save_checkpoint
+from cliport_policy.checkpoint import ANCHORS
 from cliport_policy.config import FINE_TUNE
 from cliport_policy.errors import ConfigError
 from cliport_policy.joint_config import JointConfig
-from cliport_policy.language import ENCODER_NAME, shared_encoder
-from cliport_policy.networks.factory import build_network
 from cliport_policy.policy import load_policy
 from cliport_policy.train import main
 from cliport_policy.training.options import parse_options
@@ -77,24 +73,6 @@ def test_a_trained_network_may_come_to_see_colours_in_another_way() -> None:
     assert replace(options.network, color_reading="names", gray_share=0.4) == options.initial.card.network
     with pytest.raises(ConfigError, match=r"of another network \(goal_dim 16 not 128\)"):
         parse_options([*given, "--set", "color_reading=names", "--set", "goal_dim=16"])
-
-
-@torch.no_grad()
-def test_a_trained_network_may_be_given_another_part(tmp_path: Path) -> None:
-    """It begins as it was: what speaks for doing nothing says nothing before it is trained."""
-    old = small_joint_network(null_evidence=False)
-    path = tmp_path / "old.safetensors"
-    anchors = shared_encoder().encode_one(NEW).sentence_vectors()
-    save_checkpoint(path, {**old.state_dict(), ANCHORS: anchors}, Card(old.config, WorkspaceSpec(), ENCODER_NAME, 0.45))
-    options = parse_options(["--data", "a", "--out", "o", "--init", str(path), "--set", "null_evidence=true"])
-    grown = build_network(options.network).eval()
-    assert isinstance(options.network, JointConfig) and options.network.null_evidence and options.initial is not None
-    options.initial.put_into(grown)
-    images = torch.rand(2, 5, 32, 16)
-    scores = [each.score_picks(images, each.encode_goal([NEW, "align the rope"])) for each in (grown, old)]
-    assert torch.equal(*scores)
-    with pytest.raises(ConfigError, match=r"of another network \(context_layers 1 not 2\)"):
-        parse_options([*["--data", "a", "--out", "o", "--init", str(path)], "--set", "context_layers=1"])
 
 
 @pytest.mark.parametrize(

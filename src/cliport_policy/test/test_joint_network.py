@@ -32,7 +32,7 @@ pytestmark = pytest.mark.usefixtures("one_thread")
     [
         {}, {"color_words": "none", "color_reading": "tokens"}, {"color_words": "strict"}, {"gate": False},
         {"context_layers": 0},
-        {"null_actions": 1}, {"chooses_primitive": False}, {"aligner": False}, {"null_evidence": False},
+        {"null_actions": 1}, {"chooses_primitive": False}, {"aligner": False},
         {"color_reading": "tokens"}, {"color_reading": "tokens", "color_words": "strict"},
     ],
 )  # fmt: skip

@@ -34,28 +34,21 @@ RECORDED: dict[str, list[tuple[float, float]]] = {
     "compact": [(4.4297, 1.1415), (0.3261, 0.24672), (10.016, 7.9657)],
     "compact_wo_height": [(5.1237, 1.2131), (0.32999, 0.26486), (9.5177, 8.8658)],
     "compact_wo_lang": [(4.6672, 0.35438), (0.35386, 0.28049), (10.429, 11.28)],
-    "multi": [(30.285, 1.2662), (0.40793, -0.82319), (1199.3, -190.38), (0.94054, 0.090727), (0.35667, -0.29719)],
-    "multi null_evidence=false": [
-        (11.395, 1.8306),
-        (0.47951, 0.67058),
-        (1317.4, -369.64),
-        (1.1893, -0.10754),
-        (0.35668, -0.29719),
-    ],
-    "multi null_evidence=false color_reading=tokens": [
+    "multi": [(11.395, 1.8306), (0.47951, 0.67058), (1317.4, -369.64), (1.1893, -0.10754), (0.35668, -0.29719)],
+    "multi color_reading=tokens": [
         (11.543, 1.4596),
         (0.47674, 0.64423),
         (791.65, -173.87),
         (1.2412, -0.017773),
         (0.3681, -0.30189),
     ],
-    "multi null_evidence=false aligner=false color_reading=tokens": [
+    "multi aligner=false color_reading=tokens": [
         (48.825, 9.4677),
         (1.1292, 4.0999),
         (371.47, 64.391),
         (0.14386, -0.14927),
     ],
-    "multi null_evidence=false aligner=false color_words=none color_reading=tokens": [
+    "multi aligner=false color_words=none color_reading=tokens": [
         (26.9, 2.137),
         (0.7039, -0.5465),
         (13819, 3617.1),
@@ -163,9 +156,8 @@ def test_encoders_of_fixed_weights_see_and_read_what_they_did() -> None:
 
 
 def test_sizes_of_the_default_networks() -> None:
-    """Those of README.md and docs/training.md: 1.65 and 2.36 million."""
-    joint = JointConfig(aligner=True, null_evidence=True)
-    for config, count in ((NetworkConfig(), 1_652_206), (joint, 2_362_080)):
+    """Those of README.md and docs/training.md: 1.65 and 2.29 million."""
+    for config, count in ((NetworkConfig(), 1_652_206), (JointConfig(aligner=True), 2_285_278)):
         assert count_parameters(build_network(config)) == count
 
 

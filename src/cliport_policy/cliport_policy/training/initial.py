@@ -15,7 +15,6 @@ from cliport_policy.checkpoint import ANCHORS, Card, load_checkpoint, resolve_ch
 from cliport_policy.data.demonstrations import DemonstrationSet
 from cliport_policy.data.primitives import check_primitive, primitive_taught
 from cliport_policy.errors import CheckpointError, ConfigError, DataError
-from cliport_policy.joint_config import JointConfig, added_parts
 from cliport_policy.language import ENCODER_NAME
 from cliport_policy.named_configs import AnyNetworkConfig
 from cliport_policy.networks.policy_network import PolicyNetwork
@@ -72,7 +71,7 @@ class Initial:
         check_primitive(sets, self.card.primitive, self.name)
 
     def put_into(self, network: PolicyNetwork) -> None:
-        """Give a network the weights; parts that its config adds to the checkpoint's keep theirs.
+        """Give a network the weights.
 
         Raises:
             CheckpointError: if they do not fit it or its encoders.
@@ -82,18 +81,11 @@ class Initial:
                 f"checkpoint {self.name} was trained on the encoders '{self.card.frozen}'; "
                 f"here are '{network.encoder_identity}'"
             )
-        weights = {name: tensor for name, tensor in self.tensors.items() if name != ANCHORS}
-        for part in self._added(network):
-            weights |= {name: value for name, value in network.state_dict().items() if name.split(".")[0] == part}
         try:
-            network.load_state_dict(weights)
+            network.load_state_dict({name: self.tensors[name] for name in self.tensors if name != ANCHORS})
         except RuntimeError as error:
             reason = " ".join(str(error).split())[:200]
             raise CheckpointError(f"checkpoint {self.name} does not fit its card ({reason}): restore it") from error
-
-    def _added(self, network: PolicyNetwork) -> list[str]:
-        old, new = self.card.network, network.config
-        return added_parts(old, new) if isinstance(old, JointConfig) and isinstance(new, JointConfig) else []
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values for the card of a network that begins with this checkpoint."""

@@ -17,7 +17,7 @@ from cliport_policy.data.demonstrations import CACHE_BYTES
 from cliport_policy.data.mixture import SourceSettings
 from cliport_policy.data.mixture_file import SourceEntry, mixture_names, read_mixture
 from cliport_policy.errors import ConfigError
-from cliport_policy.joint_config import REREAD, JointConfig, added_parts
+from cliport_policy.joint_config import REREAD, JointConfig
 from cliport_policy.named_configs import AnyNetworkConfig, config_names, load_network_config
 from cliport_policy.settings import check_keys
 from cliport_policy.training.distributed import DEVICES
@@ -127,8 +127,7 @@ def _network_config(name: str | None, changes: dict[str, Any], initial: Initial 
     network = initial.card.network
     if name is None and isinstance(network, JointConfig):
         given = JointConfig.from_dict({**asdict(network), **changes})
-        kept = {setting: getattr(network, setting) for setting in (*REREAD, *added_parts(network, given))}
-        initial.check_network(replace(given, **kept))
+        initial.check_network(replace(given, **{setting: getattr(network, setting) for setting in REREAD}))
         return given
     if name is not None or changes:
         initial.check_network(load_network_config(name or DEFAULT_CONFIG, changes))

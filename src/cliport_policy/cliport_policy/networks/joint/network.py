@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple
 
 import torch
 from torch import Tensor, nn
@@ -18,7 +17,6 @@ from cliport_policy.networks.compact.goal_reader import GoalReader
 from cliport_policy.networks.compact.rotator import Rotator
 from cliport_policy.networks.joint.aligner import Aligner
 from cliport_policy.networks.joint.color_maps import ColorMaps, is_known, shown_by_maps, without_colors
-from cliport_policy.networks.joint.null_evidence import NullEvidence
 from cliport_policy.networks.joint.transport import GatedTransport
 from cliport_policy.networks.joint.trunk import Decoder, Encoder, pooled
 from cliport_policy.networks.policy_network import Goal, Placings, PolicyNetwork
@@ -26,19 +24,6 @@ from cliport_policy.observation import CHANNELS
 
 _HEAD_WIDTH = 96
 _COLOR_POOL = 8  # cells along the side of a patch that must be of a colour for it to be there
-
-
-class Seen(NamedTuple):
-    """What the scores of a scene have in common.
-
-    scene: (B, S), a vector of the whole scene. picks, places: (B, width, H/2, W/2), the decoders' features.
-    null: (B, n_null), the null actions' logits.
-    """
-
-    scene: Tensor
-    picks: Tensor
-    places: Tensor
-    null: Tensor
 
 
 class JointNetwork(PolicyNetwork):
@@ -69,10 +54,6 @@ class JointNetwork(PolicyNetwork):
         self.null_head = _head(whole, config.null_actions)
         self.primitive_head = _head(whole, len(Primitive)) if config.chooses_primitive else None
         self.null_score = nn.Parameter(torch.full((config.null_actions,), 4.0))
-        seen = 2 * config.decoder_width + n_maps
-        self.null_evidence = (
-            NullEvidence(seen, goal_dim, config.null_actions, _HEAD_WIDTH) if config.null_evidence else None
-        )
 
     @property
     def has_aligner(self) -> bool:
@@ -92,7 +73,7 @@ class JointNetwork(PolicyNetwork):
         return Goal(self.goal_reader.pool_words(words, mask), tokens=tokens, words=words, shades=shades, mask=mask)
 
     def look(self, images: Tensor, goal: Goal) -> Goal:
-        """Return the goals with a Seen of their scenes.
+        """Return the goals with the encoder's levels and a vector of the whole scene, the last one.
 
         In training gray_share of the samples are seen in grey, with their colours in the colour maps alone. So is a
         scene whose sentence has a name of the survey: things of such colours look like nothing that was learned from.
@@ -114,25 +95,21 @@ class JointNetwork(PolicyNetwork):
             x = torch.cat((x, maps.to(x.dtype)), dim=1)
             whole.append(F.avg_pool2d(maps, _COLOR_POOL, _COLOR_POOL // 2).amax((2, 3)).to(language.dtype))
         levels = self.encoder(x.contiguous(memory_format=torch.channels_last), language, words, mask)
-        scene = torch.cat((*whole, pooled(levels).to(language.dtype)), dim=1)
-        picks, places = self.pick_decoder(levels, language), self.place_decoder(levels, language)
-        null = self.null_score + self.null_head(scene)
-        if self.null_evidence is not None:
-            features = (picks, places) if maps is None else (picks, places, maps.to(picks.dtype))
-            null = null + self.null_evidence(torch.cat(features, dim=1), language)
-        return replace(goal, seen=Seen(scene, picks, places, null))
+        whole.append(pooled(levels).to(language.dtype))
+        return replace(goal, seen=(*levels, torch.cat(whole, dim=1)))
 
     def score_picks(self, images: Tensor, goal: Goal) -> Tensor:
         """Return logits (B, h * w + n_null), the last ones the null actions'."""
-        seen = self._seen(images, goal)
-        cells = self.pick_head(seen.picks).flatten(1)
-        return torch.cat((cells, seen.null.to(cells.dtype)), dim=1)
+        goal = self._seen(images, goal)
+        cells = self.pick_head(self.pick_decoder(goal.seen[:-1], goal.language)).flatten(1)
+        null = self.null_score + self.null_head(goal.seen[-1])
+        return torch.cat((cells, null.to(cells.dtype)), dim=1)
 
     def score_primitives(self, images: Tensor, goal: Goal) -> Tensor | None:
         """Return logits (B, number of primitives), or None."""
         if self.primitive_head is None:
             return None
-        logits: Tensor = self.primitive_head(self._seen(images, goal).scene)
+        logits: Tensor = self.primitive_head(self._seen(images, goal).seen[-1])
         return logits
 
     def score_yaws(self, images: Tensor, goal: Goal, pick: Tensor, angles: Tensor) -> Tensor | None:
@@ -141,7 +118,8 @@ class JointNetwork(PolicyNetwork):
 
     def score_places(self, images: Tensor, goal: Goal, pick: Tensor, angles: Tensor) -> Tensor:
         """Return logits (B, R, h, w)."""
-        return self.transport(self._seen(images, goal).places, pick, angles)
+        goal = self._seen(images, goal)
+        return self.transport(self.place_decoder(goal.seen[:-1], goal.language), pick, angles)
 
     def score_fits(self, images: Tensor, goal: Goal, placings: Placings) -> Tensor:
         """Return logits (B, R); not without an aligner."""
@@ -149,8 +127,8 @@ class JointNetwork(PolicyNetwork):
         logits: Tensor = self.aligner(images, goal.language, placings)
         return logits
 
-    def _seen(self, images: Tensor, goal: Goal) -> Seen:
-        return Seen(*(goal if goal.seen else self.look(images, goal)).seen)
+    def _seen(self, images: Tensor, goal: Goal) -> Goal:
+        return goal if goal.seen else self.look(images, goal)
 
 
 def _head(width: int, outputs: int) -> nn.Sequential:
