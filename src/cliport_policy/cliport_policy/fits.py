@@ -13,7 +13,7 @@ from cliport_policy.networks.rotation import bin_angles
 from cliport_policy.peaks import Peak
 
 _LOOKED_AT_AGAIN = 8  # pairs of a place and a rotation, the likeliest ones at a first look
-_BESIDE = ((0.0, 0.0), (2.0, 0.0), (-2.0, 0.0), (0.0, 2.0), (0.0, -2.0))  # pixels: 5 mm to each side of a place
+_BESIDE = tuple((row, col) for row in (-2.0, 0.0, 2.0) for col in (-2.0, 0.0, 2.0))  # pixels: 5 mm around a place
 _QUARTER = math.pi / 2
 
 
@@ -30,8 +30,8 @@ def seen_fits(
 
     image: (1, C, H, W). pick: (1, 2) float pixel. yaw: (1,) rad. places: (k, h, w), the transport's logits.
     The likeliest pairs are looked at again, also a little beside their places, since pick and place are not exact and
-    what fits badly there may fit well 5 mm on; and the best of these from four sides in all: how well two things fit
-    does not hang on the side that they are seen from, but the network's errors do.
+    what fits badly there may fit well 5 mm on; then from four sides in all, each where it fitted best: how well two
+    things fit does not hang on the side that they are seen from, but the network's errors do.
     """
     angles = bin_angles(len(places), places.device)
     turns = angles.repeat(len(candidates))  # (n k,)
@@ -44,15 +44,14 @@ def seen_fits(
     fits = look(0, pixels, turns)
     shares = shares_of(places, candidates).repeat_interleave(len(angles))
     again = (fits + shares).topk(min(_LOOKED_AT_AGAIN, len(fits))).indices
-    at = (pixels[again, None] + torch.tensor(_BESIDE)).flatten(0, 1)
-    turned = turns[again].repeat_interleave(len(_BESIDE))
-    beside = look(1, at, turned)
-    best = beside.topk(len(again)).indices
-    looks = torch.stack([beside[best], *(look(quarters, at[best], turned[best]) for quarters in (0, 2, 3))])
+    at = pixels[again, None] + torch.tensor(_BESIDE)  # (m, 9, 2)
+    beside = look(1, at.flatten(0, 1), turns[again].repeat_interleave(len(_BESIDE))).unflatten(0, at.shape[:2])
+    best, shift = beside.max(1)
+    at = at[torch.arange(len(at)), shift]
+    looks = torch.stack([best, *(look(quarters, at, turns[again]) for quarters in (0, 2, 3))])
     mean = (looks - looks.mean(1, keepdim=True)).mean(0) + fits[again].mean()
-    found = torch.full_like(beside, float(mean.min())).scatter(0, best, mean)
     fits = fits.clamp_max(float(mean.min()))  # what one look alone found counts for no more than any of these
-    fits[again] = found.unflatten(0, (len(again), -1)).amax(1)
+    fits[again] = mean
     return fits.unflatten(0, (len(candidates), len(angles)))
 
 
