@@ -30,10 +30,11 @@ from cliport_policy.networks.policy_network import Goal, PolicyNetwork
 from cliport_policy.networks.rotation import bin_angles
 from cliport_policy.observation import observation_tensor
 from cliport_policy.peaks import CellGrid, Peak, best_rotation
-from cliport_policy.sides import Side, at_side, side_named
+from cliport_policy.sides import Side, at_own_side, at_side, own_side_named, side_named
 
 _MOST_ALIKE = 6  # places among which a side may be named,
 _ALIKE = 0.15  # and how likely they are at least, relative to the likeliest
+_HARDLY_ALIKE = 0.02  # the same where the side is one of a thing's own
 _OUT = 30.0  # logits that put a place out
 _CANDIDATES = 3  # places at most that an aligner is asked about,
 _LEAST_SHARE = 0.05  # and after the first only those that are as likely as this
@@ -137,9 +138,15 @@ class Policy:
     def _score(self, observation: Heightmap, instruction: str, goal: Heightmap | None) -> Scores:
         network = self._network
         aim = network.encode_goal([instruction.strip()], self._goal_tensor(goal))
-        side = side_named(instruction) if getattr(self.card.network, "reads_sides", False) else None
+        reads_sides = getattr(self.card.network, "reads_sides", False)
+        side = side_named(instruction) if reads_sides else None
         with torch.autocast("cpu", torch.bfloat16, enabled=network.acts_in_bfloat16):
-            return self._score_goal(self._tensor(observation), aim, side)
+            scores = self._score_goal(self._tensor(observation), aim, side)
+        own = own_side_named(instruction) if reads_sides else None
+        if own is None:
+            return scores
+        front, back = (self._score(observation, sentence, goal).places for sentence in (own.front, own.back))
+        return scores._replace(places=self._at_own_side(own.side, front, back, scores.places))
 
     def _score_goal(self, image: Tensor, goal: Goal, side: Side | None) -> Scores:
         network = self._network
@@ -160,15 +167,32 @@ class Policy:
 
     def _at_side(self, side: Side, places: Tensor) -> Tensor:
         """Return the places' logits (1, k, h, w), with all but the one at a side of those that are alike put out."""
-        mass = _mass(places[0].float())
-        peaks = self.grid.peaks(mass, _MOST_ALIKE, 0.01)
-        shares = [peak.confidence(mass.sum(0)) for peak in peaks]
-        least = _ALIKE * max(shares)
-        alike = [peak for peak, share in zip(peaks, shares, strict=True) if share >= least]
+        alike = self._alike(places[0].float(), _ALIKE)
         if side is Side.MIDDLE and len(alike) < 3:
             return places
         chosen = alike[at_side(side, [peak.pixel for peak in alike])]
         return places - _OUT * torch.from_numpy(~chosen.near)
+
+    def _at_own_side(self, side: Side, front: Tensor, back: Tensor, places: Tensor) -> Tensor:
+        """Return the places' logits (k, h, w), with all but the likeliest at a thing's own side put out.
+
+        front, back: (k, h, w), what is said of the same thing's front and back. Where no likely place lies there, all
+        stay as they are.
+        """
+        likely = self._alike(places, _HARDLY_ALIKE)
+        points = [
+            [self.workspace.pixel_to_xy(*peak.pixel) for peak in peaks]
+            for peaks in (self._alike(front, _ALIKE), self._alike(back, _ALIKE), likely)
+        ]
+        found = at_own_side(side, *points)
+        return places - _OUT * torch.from_numpy(~likely[found[0]].near) if found else places
+
+    def _alike(self, places: Tensor, least: float) -> list[Peak]:
+        """Return the places with logits (k, h, w) that are likely, relative to the likeliest, which comes first."""
+        mass = _mass(places)
+        peaks = self.grid.peaks(mass, _MOST_ALIKE, 0.01)
+        shares = [peak.confidence(mass.sum(0)) for peak in peaks]
+        return [peak for peak, share in zip(peaks, shares, strict=True) if share >= least * max(shares)]
 
     def _with_fits(self, image: Tensor, goal: Goal, pick: Tensor, yaws: Tensor | None, places: Tensor) -> Tensor:
         """Return the places' logits (1, k, h, w), with what an aligner thinks of the likeliest."""

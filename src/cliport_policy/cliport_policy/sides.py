@@ -1,7 +1,8 @@
 """Sides that sentences name: of several places that are alike the one that lies farthest there is meant.
 
 As in the benchmark's sentences, top is towards the robot (-x) and left towards -y (docs/benchmark.md,
-"assembling-kits-seq"), which is how the heightmap's columns and rows lie.
+"assembling-kits-seq"), which is how the heightmap's columns and rows lie. A thing with a front of its own, as a rope's
+square, has sides of its own: its left is at the left hand of who looks from its back to its front.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ import math
 import re
 from collections.abc import Sequence
 from enum import Enum
+from typing import NamedTuple
 
 from cliport_policy.data.augmentation import names_own_frame
 
@@ -31,6 +33,58 @@ _EITHER = "|".join(_WORDS)
 _BEFORE_NOUN = rf"\b(?:the|a|an|its|that|this)\s+({_EITHER})\s+(?!(?:of|side|end|edge|corner|tip|brown)\b)\w"
 _BEHIND_NOUN = r"\b(?:on|at|to) the (left|right|top|bottom)(?=$|[.,!?])"
 _NAMED = re.compile(f"{_BEFORE_NOUN}|{_BEHIND_NOUN}")
+
+
+_OWN_CORNER = re.compile(r"\b(?:front|back) (left|right) (?:tip|corner)\b")
+_FRONT, _BACK = ("front left tip", "front right tip"), ("back right corner", "back left corner")
+
+
+class OwnSide(NamedTuple):
+    """Left or right side of a thing that has a front of its own, and the same sentence about its front and its back."""
+
+    side: Side
+    front: str
+    back: str
+
+
+def own_side_named(instruction: str) -> OwnSide | None:
+    """Return the one side of a thing's own between whose two corners a sentence goes; None for any other sentence."""
+    text = " ".join(instruction.lower().split())
+    named = _OWN_CORNER.findall(text)
+    if len(named) != 2 or named[0] != named[1] or not names_own_frame(text):
+        return None
+    return OwnSide(Side(named[0]), _between(text, _FRONT), _between(text, _BACK))
+
+
+def _between(text: str, corners: Sequence[str]) -> str:
+    words = iter(corners)
+    return _OWN_CORNER.sub(lambda _: next(words), text)
+
+
+def at_own_side(
+    side: Side,
+    front: Sequence[tuple[float, float]],
+    back: Sequence[tuple[float, float]],
+    places: Sequence[tuple[float, float]],
+) -> list[int]:
+    """Return the indices of the places that lie at the left or the right of a thing.
+
+    front, back: where its front and its back are, one place of each at least. All are x, y [m] in the base frame.
+    """
+    (front_x, front_y), (back_x, back_y) = (_mean(points) for points in (front, back))
+    ahead_x, ahead_y = front_x - back_x, front_y - back_y
+    to_left = 1.0 if side is Side.LEFT else -1.0
+    middle_x, middle_y = (front_x + back_x) / 2, (front_y + back_y) / 2
+    return [
+        index
+        for index, (x, y) in enumerate(places)
+        if to_left * (ahead_x * (y - middle_y) - ahead_y * (x - middle_x)) > 0
+    ]
+
+
+def _mean(points: Sequence[tuple[float, float]]) -> tuple[float, float]:
+    xs, ys = zip(*points, strict=True)
+    return sum(xs) / len(xs), sum(ys) / len(ys)
 
 
 def side_named(instruction: str) -> Side | None:

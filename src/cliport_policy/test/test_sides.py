@@ -1,5 +1,6 @@
 """Words for sides: which sentences name one for the place, and which of several places that are alike is meant."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -9,7 +10,7 @@ import torch
 from cliport_core.heightmap import Heightmap
 from cliport_policy.joint_config import JointConfig
 from cliport_policy.policy import Policy, load_policy
-from cliport_policy.sides import Side, at_side, side_named
+from cliport_policy.sides import OwnSide, Side, at_own_side, at_side, own_side_named, side_named
 
 
 @pytest.mark.parametrize(
@@ -42,6 +43,52 @@ def test_top_is_towards_the_robot_and_left_towards_minus_y() -> None:
         Side.TOP: (50, 60), Side.LEFT: (10, 70), Side.BOTTOM: (50, 90), Side.RIGHT: (90, 75), Side.MIDDLE: (52, 76),
     }  # fmt: skip
     assert at_side(Side.RIGHT, pixels[:1]) == 0
+
+
+@pytest.mark.parametrize(
+    ("sentence", "side", "front"),
+    [
+        ("align the rope from front left tip to back left corner", Side.LEFT, "align the rope from {} to {}"),
+        ("What we need from back right corner to  front right tip is the rope", Side.RIGHT,
+         "what we need from {} to {} is the rope"),
+    ],
+)  # fmt: skip
+def test_a_sentence_names_one_side_of_a_thing_s_own(sentence: str, side: Side, front: str) -> None:
+    assert own_side_named(sentence) == OwnSide(
+        side,
+        front.format("front left tip", "front right tip"),
+        front.format("back right corner", "back left corner"),
+    )
+
+
+@pytest.mark.parametrize(
+    "sentence",
+    [
+        "align the rope from front left tip to front right tip",  # both
+        "align the rope from back right corner to back left corner",
+        "put the rope at the front left tip",
+        "put the red heart in the left heart hole",
+        "put the block from the front left corner to the back left corner",  # of the table
+        "",
+    ],
+)
+def test_other_sentences_name_none(sentence: str) -> None:
+    assert own_side_named(sentence) is None
+
+
+def test_left_is_at_the_left_hand_of_who_looks_to_the_front() -> None:
+    square = {"front left": (-1, 1), "front right": (1, 1), "back left": (-1, -1), "back right": (1, -1)}  # front is +y
+    for angle in (0.0, 0.7, 2.0, 4.0):
+        turn = complex(math.cos(angle), math.sin(angle))
+        turned = {name: turn * complex(*at) + (0.4 - 0.1j) for name, at in square.items()}
+        corners = {name: (at.real, at.imag) for name, at in turned.items()}
+        front, back = ([corners[f"{end} left"], corners[f"{end} right"]] for end in ("front", "back"))
+        for side in (Side.LEFT, Side.RIGHT):
+            found = at_own_side(side, front, back, list(corners.values()))
+            assert [list(corners)[index] for index in found] == [f"front {side.value}", f"back {side.value}"]
+        one_seen = at_own_side(Side.LEFT, front[:1], back, [corners["back left"], corners["back right"]])
+        assert one_seen == [0], "also where one end of the front is not seen"
+        assert not at_own_side(Side.LEFT, front, back, [corners["back right"]])
 
 
 @pytest.fixture(scope="module")
@@ -95,3 +142,35 @@ def _empty(policy: Policy) -> Heightmap:
     shape = policy.workspace.shape
     color, height = np.full((*shape, 3), 128, np.uint8), np.zeros(shape, np.float32)
     return Heightmap(color, height, np.ones(shape, bool), policy.workspace)
+
+
+def test_the_likeliest_place_at_a_thing_s_own_side_is_left(policy: Policy) -> None:
+    def logits(heights: dict[tuple[int, int], float]) -> torch.Tensor:
+        return places_with(policy, heights)[0]
+
+    front, back = logits({(60, 60): 20.0, (100, 60): 20.5}), logits({(60, 20): 20.0, (100, 20): 20.0})
+    places = logits({(100, 20): 21.0, (60, 20): 19.0, (60, 60): 18.0})  # the front is at +x: its left at +y
+    for side, expected in ((Side.LEFT, (100, 20)), (Side.RIGHT, (60, 20))):
+        kept = policy._at_own_side(side, front, back, places)
+        assert np.unravel_index(int(kept.argmax()), kept.shape)[1:] == expected
+    only = logits({(100, 20): 21.0})
+    assert torch.equal(policy._at_own_side(Side.RIGHT, front, back, only), only)
+
+
+def test_a_policy_asks_itself_about_front_and_back_where_one_of_the_own_sides_is_named(
+    policy: Policy, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[Side] = []
+    monkeypatch.setattr(Policy, "_at_own_side", lambda self, side, front, back, places: asked.append(side) or places)
+    shape = policy.workspace.shape
+    empty = Heightmap(
+        np.zeros((*shape, 3), np.uint8), np.zeros(shape, np.float32), np.ones(shape, bool), policy.workspace
+    )
+    policy.infer(empty, "align the rope from front left tip to back left corner")
+    policy.infer(empty, "align the rope from front left tip to front right tip")
+    assert asked == [Side.LEFT]
+    network = policy.card.network
+    assert isinstance(network, JointConfig)
+    monkeypatch.setattr(policy, "card", replace(policy.card, network=replace(network, reads_sides=False)))
+    policy.infer(empty, "align the rope from front left tip to back left corner")
+    assert asked == [Side.LEFT]

@@ -18,7 +18,7 @@ _HEIGHT_ERROR = 0.002  # m, spread of the table's height through calibration err
 _DIRECTION = re.compile(r"\b(left|right|top|bottom|front|back|near|far)\b")
 # Of several equal holes the middle one is what lies at no side; that of a stand or of three tiles turns with them.
 _MIDDLE_HOLE = re.compile(r"\bmiddle\b.*\bhole\b")
-_OWN_FRAME = re.compile(r"\brope\b.*\b(tip|corner)\b")  # of the rope's square: its front and left turn with it
+_OWN_FRAME = re.compile(r"^(?=.*\brope\b).*\b(tip|corner)\b")  # of the rope's square: its front and left turn with it
 
 
 class PlanarTransform(NamedTuple):
