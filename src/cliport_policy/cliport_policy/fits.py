@@ -1,4 +1,4 @@
-"""How well what is picked would fit at the likeliest places, as an aligner sees it."""
+"""Fits of what is picked at the likeliest places, as an aligner sees them."""
 
 from __future__ import annotations
 

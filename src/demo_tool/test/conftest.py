@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 from browser_user import chromium
-from station_fakes import BLOCKS, Block, FakeArm, FakeCalibrations, FakeLessons, FakePolicy, FakeScenes, FakeTable
+from fake_programs import FakeCalibrations, FakeLessons
+from station_fakes import BLOCKS, Block, FakeArm, FakePolicy, FakeScenes, FakeTable
 from web_workplace import Workplace, workplace
 from workplace_user import Person
 

@@ -7,7 +7,6 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -19,7 +18,6 @@ from cliport_core.pose import PlanarPose, Pose
 from cliport_episodes.observation import Observation
 from cliport_episodes.observation_messages import messages_from_observation
 from cliport_perception.camera_model import CameraModel
-from demo_tool.errors import NotNowError
 from demo_tool.live_view import ColorImage, DepthImage, LiveView
 from demo_tool.ports import ACCEPTED, APPROVAL, OnAnswer, OnEnd, OnFailure, OnPhase
 from panda_model import load_preset
@@ -314,49 +312,6 @@ class FakePolicy:
         """Take note of it, or refuse."""
         self.loaded.append(checkpoint)
         on_answer(not self.failure, self.failure or f"loading the policy {checkpoint}")
-
-
-class FakeLessons:
-    """Learns only what a test says."""
-
-    def __init__(self) -> None:
-        self.data_sets: list[Path] = []
-        self.stops, self.closed, self.fault = 0, False, ""
-
-    def begin(
-        self, data_set: Path, options: Sequence[str], on_line: Callable[[str], None], on_end: Callable[..., None]
-    ) -> None:
-        if self.fault:
-            raise NotNowError(self.fault)
-        self.data_sets.append(data_set)
-        self.options = list(options)
-        self.on_line, self.on_end = on_line, on_end
-
-    def stop(self) -> None:
-        self.stops += 1
-
-    def close(self) -> None:
-        self.closed = True
-
-
-class FakeCalibrations:
-    """Calibrates only as a test says."""
-
-    def __init__(self) -> None:
-        self.begun: list[list[str]] = []
-        self.stops, self.closed, self.fault = 0, False, ""
-
-    def begin(self, options: Sequence[str], on_line: Callable[[str], None], on_end: Callable[[int], None]) -> None:
-        if self.fault:
-            raise NotNowError(self.fault)
-        self.begun.append(list(options))
-        self.on_line, self.on_end = on_line, on_end
-
-    def stop(self) -> None:
-        self.stops += 1
-
-    def close(self) -> None:
-        self.closed = True
 
 
 class FakeScenes:

@@ -9,7 +9,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from station_fakes import BLOCKS, FakeArm, FakeCalibrations, FakeLessons, FakePolicy, FakeTable
+from fake_programs import FakeCalibrations, FakeLessons
+from station_fakes import BLOCKS, FakeArm, FakePolicy, FakeTable
 
 from cliport_core.pose import PlanarPose
 from demo_tool.ports import Programs
