@@ -54,7 +54,8 @@ class Question:
     """One question and its answer: "act", or the null action's name, or "refused".
 
     picked, place: what an action would take and where it would put it, "" for nothing; each right or not. They are the
-    action that would be taken if the null actions were not heard.
+    action that would be taken if the null actions were not heard. primitive: the name of that action's, "" where the
+    sentence was refused. done_probability: how likely the policy held it that nothing remains to be done.
     """
 
     task: str
@@ -66,6 +67,8 @@ class Question:
     place: str = ""
     pick_right: bool = False
     place_right: bool = False
+    primitive: str = ""
+    done_probability: float = 0.0
 
     @property
     def right(self) -> bool:
@@ -161,11 +164,19 @@ class Examiner:
         except InstructionError:
             return Question(task.name, seed, asked.value, sentence, "refused")
         null = inference.null_action(self._limits.done_threshold, self._limits.absent_threshold)
-        answer = null.value if null else "act"
+        answered = Question(
+            task.name,
+            seed,
+            asked.value,
+            sentence,
+            null.value if null else "act",
+            primitive=inference.action.primitive.label,
+            done_probability=inference.done_probability,
+        )
         if asked not in _JUDGED:
-            return Question(task.name, seed, asked.value, sentence, answer)
+            return answered
         meant = task.judge(inference.action.pick, inference.action.place)
-        return Question(task.name, seed, asked.value, sentence, answer, *dataclasses.astuple(meant))
+        return dataclasses.replace(answered, **dataclasses.asdict(meant))
 
     def _about_what_is_absent(
         self, task_name: str, seed: int, said: Wording, things: set[tuple[str, str]], rng: np.random.Generator

@@ -7,22 +7,26 @@ import sys
 import time
 from collections.abc import Sequence
 from contextlib import closing
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import cv2
 
+from cliport_benchmark.done_bias import fitted_done_bias
 from cliport_benchmark.errors import BenchmarkError, OptionError
 from cliport_benchmark.json_files import check_writable, write_json
 from cliport_benchmark.parallel import run_parallel
 from cliport_benchmark.policy_facts import policy_facts
 from cliport_benchmark.provenance import command_line, machine
 from cliport_benchmark.task_names import task_names
-from cliport_benchmark.understanding import Asked, Examined, Examiner, shares
+from cliport_benchmark.understanding import Asked, Examined, Examiner, Question, shares
 from cliport_benchmark.wording import held_out_patterns
 from cliport_core.command_line import CommandParser
 from cliport_core.source_state import source_state
+from cliport_policy.checkpoint import load_checkpoint, resolve_checkpoint
+from cliport_policy.checkpoint import write_json as write_card
 from cliport_policy.errors import PolicyError
 from cliport_policy.policy import load_policy
 from sim_bridge.errors import SimBridgeError
@@ -57,6 +61,8 @@ def main(arguments: list[str] | None = None) -> int:
             "command": command_line("understanding", argv),
             "machine": machine(),
         }
+        if options.calibrate:
+            report["done_bias"] = _calibrate(options.checkpoint, questions)
         write_json(options.out, report)
     except (BenchmarkError, SimBridgeError, PolicyError) as error:
         print(f"error: {error}", file=sys.stderr)
@@ -82,12 +88,32 @@ def _tasks(options: argparse.Namespace) -> list[Task]:
     ):
         if value < least:
             raise OptionError(f"{name} must be {least} or more, got {value}")
+    if options.calibrate and options.split != "val":
+        raise OptionError(f"--calibrate fits the checkpoint to the scenes: give --split val, not {options.split}")
     tasks = [make_task(name, options.split) for name in task_names(options.task)]
     for task in tasks:
         held_out_patterns(task)
         if options.survey_colors and task.object_source:
             raise OptionError(f"--survey-colors cannot paint the things of {task.name}: leave it out of --task")
     return tasks
+
+
+def _calibrate(checkpoint: str, questions: Sequence[Question]) -> dict[str, float]:
+    """Write the biases of "done" that suit the answers into the checkpoint's card, say what they do, and return them.
+
+    Raises:
+        PolicyError: if the card cannot be written.
+    """
+    path = resolve_checkpoint(checkpoint)
+    _, card = load_checkpoint(path)
+    found = fitted_done_bias(questions, card.done_bias)
+    biases = {**card.done_bias, **{name: round(fitted.bias, 2) for name, fitted in found.items()}}
+    write_card(path.with_suffix(".json"), replace(card, done_bias=biases).to_dict())
+    for name, (bias, before, wrong, asked) in found.items():
+        print(
+            f"done, {name}: {wrong} of {asked} wrong with a bias of {bias:+.2f}, {before} before; written to the card"
+        )
+    return biases
 
 
 def _examine(options: argparse.Namespace, tasks: Sequence[str]) -> list[Examined]:
@@ -170,6 +196,11 @@ def _parser() -> argparse.ArgumentParser:
         "--survey-colors",
         action="store_true",
         help="paint and name the things in colours of a survey, which no demonstration named",
+    )
+    parser.add_argument(
+        "--calibrate",
+        action="store_true",
+        help="write into the checkpoint's card from when on it says done (with --split val)",
     )
     parser.add_argument("--out", type=Path, default=Path("out/understanding.json"), help="JSON file of the answers")
     return parser

@@ -35,6 +35,8 @@ class Card:
 
     frozen: name and fingerprint of the frozen encoders that a network of streams was trained on.
     temperatures: divisors of the logits of `pick` and `place` for calibrated confidences; 1 if absent.
+    done_bias: what is added to the logit of "done" where a primitive would act, by the primitive's name, so that a
+    probability of 0.5 parts what is done from what is not; 0 if absent.
     primitive: the primitive of all demonstrations behind it; pick_place if the card does not say.
     min_similarity: an instruction whose sentence vector is less similar than this to every anchor is refused.
     """
@@ -48,11 +50,16 @@ class Card:
     frozen: str = ""
     temperatures: dict[str, float] = field(default_factory=dict)
     primitive: Primitive = Primitive.PICK_PLACE
+    done_bias: dict[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         for name, value in self.temperatures.items():
             if name not in CALIBRATED or not 0 < value < math.inf:
                 raise ConfigError(f"a temperature must be positive and of {' or '.join(CALIBRATED)}: {name} is {value}")
+        labels = [primitive.label for primitive in Primitive]
+        for name, value in self.done_bias.items():
+            if name not in labels or not math.isfinite(value):
+                raise ConfigError(f"a done_bias must be a number and of {' or '.join(labels)}: {name} is {value}")
 
     def temperature(self, name: str) -> float:
         """Return the temperature of `pick` or `place`."""
@@ -70,6 +77,7 @@ class Card:
             "scores": self.scores,
             "frozen": self.frozen,
             "temperatures": self.temperatures,
+            "done_bias": self.done_bias,
             "primitive": self.primitive.label,
         }
 
@@ -90,6 +98,7 @@ class Card:
             frozen=str(values.get("frozen", "")),
             temperatures={name: float(value) for name, value in values.get("temperatures", {}).items()},
             primitive=Primitive.from_label(values.get("primitive", Primitive.PICK_PLACE.label)),
+            done_bias={name: float(value) for name, value in values.get("done_bias", {}).items()},
         )
 
 

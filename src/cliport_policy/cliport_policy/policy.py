@@ -215,12 +215,15 @@ class Policy:
         yaws = None if scores.yaws is None else _mass(scores.yaws)
         pick_yaw = 0.0 if yaws is None else self._angle(int(yaws.argmax()))
         place_yaw = math.remainder(pick_yaw + self._angle(best_rotation(place_mass)), 2 * math.pi)
-        nulls = _mass(torch.cat((scores.picks, scores.nulls)))[len(scores.picks) :]
+        primitive = self._primitive(scores.primitives)
+        nulls = scores.nulls.clone()
+        nulls[0] += self.card.done_bias.get(primitive.label, 0.0)
+        nulls = _mass(torch.cat((scores.picks, nulls)))[len(scores.picks) :]
         pick_confidence, place_confidence = pick.confidence(pick_mass), place.confidence(place_mass.sum(0))
         action = PickPlaceAction(
             pick=self._pose_at(pick.pixel, pick_yaw),
             place=self._pose_at(place.pixel, place_yaw),
-            primitive=self._primitive(scores.primitives),
+            primitive=primitive,
             confidence=min(pick_confidence, place_confidence),
         )
         inference = Inference(

@@ -14,7 +14,7 @@ from cliport_core.heightmap import Heightmap
 from cliport_core.workspace import WorkspaceSpec
 from cliport_policy.checkpoint import Card
 from cliport_policy.config import NetworkConfig
-from cliport_policy.errors import InstructionError, ObservationError
+from cliport_policy.errors import ConfigError, InstructionError, ObservationError
 from cliport_policy.networks.policy_network import Goal, PolicyNetwork
 from cliport_policy.observation import observation_tensor, stack_channels, unscaled, without_heights, without_mask
 from cliport_policy.policy import Policy
@@ -114,6 +114,19 @@ def test_temperatures_change_confidences_only() -> None:
 def test_null_actions_are_told_apart_where_the_network_does(n_null: int, done: float, absent: float) -> None:
     found = policy(n_null=n_null).infer(seen(), "put it there")
     assert (found.done_probability, found.absent_probability) == pytest.approx((done, absent), rel=1e-4)
+
+
+def test_a_bias_of_done_counts_for_its_primitive_alone() -> None:
+    """Twice the odds of done: 4 of 22, where 2 of 20 were."""
+    bias = {"pick_place": math.log(2), "sweep": 5.0}
+    found = policy(done_bias=bias).infer(seen(), "put it there")
+    assert (found.done_probability, found.absent_probability) == pytest.approx((4 / 22, 6 / 22), rel=1e-4)
+    assert found.pick_confidence == pytest.approx(8 / 12, rel=1e-4)
+    made = policy(primitives=[0.0, 0.0, 9.0], done_bias=bias)
+    assert made.infer(seen(), "put it there").done_probability == pytest.approx(2 / 20, rel=1e-4)
+    for wrong in ({"push": 1.0}, {"sweep": math.inf}):
+        with pytest.raises(ConfigError, match="a done_bias must be a number and of pick_place or sweep or fold"):
+            policy(done_bias=wrong)
 
 
 def test_a_network_without_a_rotator_leaves_the_yaw() -> None:

@@ -14,7 +14,7 @@ from cliport_policy.errors import ConfigError
 from cliport_policy.server.types import Moment, ServerConfig
 
 DEFAULTS = {
-    "max_steps": 8, "require_approval": False, "done_threshold": 0.25, "absent_threshold": 0.5, "min_confidence": 0.02,
+    "max_steps": 8, "require_approval": False, "done_threshold": 0.5, "absent_threshold": 0.5, "min_confidence": 0.02,
     "retries": 2, "max_observation_age": 1.0, "look_back": 0.0, "observation_timeout": 3.0, "settle": 0.2,
     "inference_timeout": 30.0, "max_proposal_age": 60.0, "executor_timeout": 5.0, "heartbeat_timeout": 1.0,
     "goal_timeout": 120.0, "cancel_timeout": 5.0,
@@ -55,10 +55,10 @@ def thinking(**settings: Any) -> World:
 @pytest.mark.parametrize(
     ("answer", "state"),
     [
-        ({"done": 0.25}, PolicyState.DONE),
-        ({"done": 0.24, "absent": 0.5}, PolicyState.FAILED),
-        ({"done": 0.25, "absent": 0.9}, PolicyState.DONE),
-        ({"done": 0.24, "absent": 0.49}, PolicyState.EXECUTING),
+        ({"done": 0.5}, PolicyState.DONE),
+        ({"done": 0.49, "absent": 0.5}, PolicyState.FAILED),
+        ({"done": 0.5, "absent": 0.9}, PolicyState.DONE),
+        ({"done": 0.49, "absent": 0.49}, PolicyState.EXECUTING),
         ({"confidence": 0.02}, PolicyState.EXECUTING),
         ({"confidence": 0.019}, PolicyState.FAILED),
     ],

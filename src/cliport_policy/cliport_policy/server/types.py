@@ -24,16 +24,16 @@ TRY_AGAIN = (Outcome.GRASP_MISSED, Outcome.DROPPED)
 class ServerConfig:
     """Limits of the server; all times [s].
 
-    done_threshold: done probability from which the goal counts as reached; absent_threshold: probability from which
-    what the sentence names counts as not there; min_confidence: of pick and place;
-    retries: how often in a row a missed or dropped object is tried again; settle: rest after a motion;
+    done_threshold: done probability from which the goal counts as reached (a card's done_bias shifts these);
+    absent_threshold: probability from which what the sentence names counts as not there; min_confidence: of pick and
+    place; retries: how often in a row a missed or dropped object is tried again; settle: rest after a motion;
     max_proposal_age: how old an observation may be when its proposal is approved; look_back: how much older than the
     instruction it may be, for replays, whose scene nobody rearranges.
     """
 
     max_steps: int = 8
     require_approval: bool = False
-    done_threshold: float = 0.25
+    done_threshold: float = 0.5
     absent_threshold: float = 0.5
     min_confidence: float = 0.02
     retries: int = 2

@@ -258,6 +258,7 @@ class Trainer:
             },
             frozen=self.network.encoder_identity,
             primitive=self.primitive,
+            done_bias={} if self.initial is None else self.initial.card.done_bias,
         )
 
     def _require_anchors(self) -> Tensor:
