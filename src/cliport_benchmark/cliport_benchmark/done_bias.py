@@ -13,7 +13,7 @@ _LEAST = 1e-7  # a probability is taken to be no nearer to 0 or 1
 
 
 class FittedBias(NamedTuple):
-    """Bias of one primitive's "done" logit, and how many answers of all are wrong from 0.5 on, before and with it."""
+    """Bias of one primitive, and how many of its answers are wrong from 0.5 on, before and with it, of all asked."""
 
     bias: float
     wrong_before: int

@@ -100,7 +100,7 @@ def test_who_always_acts_somewhere_is_right_only_where_work_is_left(examine: Cal
 def test_the_absent_thing_is_absent_and_done_is_no_answer_to_it(
     examine: Callable[..., list[Question]], shown: list[Task]
 ) -> None:
-    answers = examine(lambda _: inference(done=0.6, absent=0.9), BOWLS, seed=5)
+    answers = examine(lambda _: inference(done=0.6, absent=0.4), BOWLS, seed=5)
     last = answers[-1]
     named = named_things(last.sentence)
     assert named is not None and last.asked == Asked.ABSENT.value

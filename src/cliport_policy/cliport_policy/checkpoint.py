@@ -35,7 +35,7 @@ class Card:
 
     frozen: name and fingerprint of the frozen encoders that a network of streams was trained on.
     temperatures: divisors of the logits of `pick` and `place` for calibrated confidences; 1 if absent.
-    done_bias: what is added to the logit of "done" where a primitive would act, by the primitive's name, so that a
+    done_bias: what is added to the log odds of "done" where a primitive would act, by the primitive's name, so that a
     probability of 0.5 parts what is done from what is not; 0 if absent.
     primitive: the primitive of all demonstrations behind it; pick_place if the card does not say.
     min_similarity: an instruction whose sentence vector is less similar than this to every anchor is refused.

@@ -56,10 +56,13 @@ class Inference:
         return min(self.pick_confidence, self.place_confidence)
 
     def null_action(self, done_threshold: float, absent_threshold: float) -> NullAction | None:
-        """Return why nothing is to be done, each reason from its threshold of probability on; None for an action."""
-        if self.done_probability >= done_threshold:
-            return NullAction.DONE
-        return NullAction.ABSENT if self.absent_probability >= absent_threshold else None
+        """Return why nothing is to be done, each reason from its threshold of probability on; None for an action.
+
+        What is not here cannot be done: that comes first.
+        """
+        if self.absent_probability >= absent_threshold:
+            return NullAction.ABSENT
+        return NullAction.DONE if self.done_probability >= done_threshold else None
 
 
 @dataclass(frozen=True, eq=False)

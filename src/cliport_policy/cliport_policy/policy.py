@@ -216,9 +216,7 @@ class Policy:
         pick_yaw = 0.0 if yaws is None else self._angle(int(yaws.argmax()))
         place_yaw = math.remainder(pick_yaw + self._angle(best_rotation(place_mass)), 2 * math.pi)
         primitive = self._primitive(scores.primitives)
-        nulls = scores.nulls.clone()
-        nulls[0] += self.card.done_bias.get(primitive.label, 0.0)
-        nulls = _mass(torch.cat((scores.picks, nulls)))[len(scores.picks) :]
+        nulls = _mass(torch.cat((scores.picks, scores.nulls)))[len(scores.picks) :]
         pick_confidence, place_confidence = pick.confidence(pick_mass), place.confidence(place_mass.sum(0))
         action = PickPlaceAction(
             pick=self._pose_at(pick.pixel, pick_yaw),
@@ -232,7 +230,7 @@ class Policy:
             place_pixel=place.pixel,
             pick_confidence=pick_confidence,
             place_confidence=place_confidence,
-            done_probability=float(nulls[0]),
+            done_probability=_shifted(float(nulls[0]), self.card.done_bias.get(primitive.label, 0.0)),
             maps=self._maps(pick_mass, place_mass.max(0)) if with_maps else None,
             absent_probability=float(nulls[1]) if len(nulls) > 1 else 0.0,
         )
@@ -286,6 +284,12 @@ def _mass(logits: Tensor, temperature: float = 1.0) -> NDArray[np.float32]:
     """Return the softmax over all of a tensor, in its shape."""
     mass: NDArray[np.float32] = F.softmax((logits / temperature).flatten(), dim=0).reshape(logits.shape).numpy()
     return mass
+
+
+def _shifted(probability: float, bias: float) -> float:
+    """Return a probability whose log odds are changed by a bias."""
+    odds = probability * math.exp(bias)
+    return odds / (odds + 1.0 - probability)
 
 
 def load_policy(path_or_name: str | Path = "default", precision: str = "auto", compiled: bool = False) -> Policy:

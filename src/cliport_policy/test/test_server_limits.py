@@ -57,7 +57,7 @@ def thinking(**settings: Any) -> World:
     [
         ({"done": 0.5}, PolicyState.DONE),
         ({"done": 0.49, "absent": 0.5}, PolicyState.FAILED),
-        ({"done": 0.5, "absent": 0.9}, PolicyState.DONE),
+        ({"done": 0.9, "absent": 0.5}, PolicyState.FAILED),
         ({"done": 0.49, "absent": 0.49}, PolicyState.EXECUTING),
         ({"confidence": 0.02}, PolicyState.EXECUTING),
         ({"confidence": 0.019}, PolicyState.FAILED),
