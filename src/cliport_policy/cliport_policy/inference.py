@@ -58,11 +58,14 @@ class Inference:
     def null_action(self, done_threshold: float, absent_threshold: float) -> NullAction | None:
         """Return why nothing is to be done, each reason from its threshold of probability on; None for an action.
 
-        What is not here cannot be done: that comes first.
+        Of both the likelier one.
         """
-        if self.absent_probability >= absent_threshold:
-            return NullAction.ABSENT
-        return NullAction.DONE if self.done_probability >= done_threshold else None
+        reasons = (
+            (self.done_probability, done_threshold, NullAction.DONE),
+            (self.absent_probability, absent_threshold, NullAction.ABSENT),
+        )
+        heard = [(probability, reason) for probability, threshold, reason in reasons if probability >= threshold]
+        return max(heard, key=lambda one: one[0])[1] if heard else None
 
 
 @dataclass(frozen=True, eq=False)

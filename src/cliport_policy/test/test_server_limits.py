@@ -57,7 +57,8 @@ def thinking(**settings: Any) -> World:
     [
         ({"done": 0.5}, PolicyState.DONE),
         ({"done": 0.49, "absent": 0.5}, PolicyState.FAILED),
-        ({"done": 0.9, "absent": 0.5}, PolicyState.FAILED),
+        ({"done": 0.6, "absent": 0.7}, PolicyState.FAILED),
+        ({"done": 0.7, "absent": 0.7}, PolicyState.DONE),
         ({"done": 0.49, "absent": 0.49}, PolicyState.EXECUTING),
         ({"confidence": 0.02}, PolicyState.EXECUTING),
         ({"confidence": 0.019}, PolicyState.FAILED),
