@@ -26,6 +26,7 @@ FORMAT_VERSION = 1
 SHIPPED_FOLDER = Path(__file__).parent / "weights"
 DEFAULT_NAME = "multi-open-100"
 CALIBRATED = ("pick", "place")
+_MOST_BIAS = 20.0  # of log odds
 ANCHORS = "instruction_anchors"  # tensor of training sentences, compared with new ones
 
 
@@ -58,8 +59,10 @@ class Card:
                 raise ConfigError(f"a temperature must be positive and of {' or '.join(CALIBRATED)}: {name} is {value}")
         labels = [primitive.label for primitive in Primitive]
         for name, value in self.done_bias.items():
-            if name not in labels or not math.isfinite(value):
-                raise ConfigError(f"a done_bias must be a number and of {' or '.join(labels)}: {name} is {value}")
+            if name not in labels or not abs(value) <= _MOST_BIAS:
+                raise ConfigError(
+                    f"a done_bias must lie in ±{_MOST_BIAS:.0f} and be of {' or '.join(labels)}: {name} is {value}"
+                )
 
     def temperature(self, name: str) -> float:
         """Return the temperature of `pick` or `place`."""

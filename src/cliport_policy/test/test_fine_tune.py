@@ -36,6 +36,8 @@ def test_a_fine_tuning_goes_on_from_a_checkpoint(
     mine = make_flat_set(tmp_path / "mine", 3, actions=1, pixel_size=SMALL, sentence=NEW)
     old = make_flat_set(tmp_path / "old", 3, actions=1, pixel_size=SMALL, seed=1)
     begun, out = tiny_checkpoint("compact"), tmp_path / "out"
+    known = json.loads(begun.with_suffix(".json").read_text()) | {"done_bias": {"pick_place": 0.5}}
+    begun.with_suffix(".json").write_text(json.dumps(known))
     arguments = ["--init", begun, "--data", f"{mine}:0.7", "--data", f"{old}:0.3", "--out", out]
     assert train(*arguments, "--steps", "2") == 0
     before, after = load_file(begun), load_file(out / "policy.safetensors")
@@ -45,6 +47,7 @@ def test_a_fine_tuning_goes_on_from_a_checkpoint(
     assert any(not torch.equal(after[name], value) for name, value in before.items())
     assert torch.equal(after[ANCHORS][: len(before[ANCHORS])], before[ANCHORS])
     card = json.loads((out / "policy.json").read_text())
+    assert card["done_bias"] == {"pick_place": 0.5}
     made_by = card["made_by"]
     assert made_by["init"]["checkpoint"] == str(begun)
     assert made_by["init"]["sha256"] == hashlib.sha256(begun.read_bytes()).hexdigest()

@@ -124,8 +124,8 @@ def test_a_bias_of_done_counts_for_its_primitive_alone() -> None:
     assert found.pick_confidence == pytest.approx(8 / 12, rel=1e-4)
     made = policy(primitives=[0.0, 0.0, 9.0], done_bias=bias)
     assert made.infer(seen(), "put it there").done_probability == pytest.approx(2 / 20, rel=1e-4)
-    for wrong in ({"push": 1.0}, {"sweep": math.inf}):
-        with pytest.raises(ConfigError, match="a done_bias must be a number and of pick_place or sweep or fold"):
+    for wrong in ({"push": 1.0}, {"sweep": math.inf}, {"fold": math.nan}, {"sweep": -20.1}):
+        with pytest.raises(ConfigError, match="a done_bias must lie in ±20 and be of pick_place or sweep or fold"):
             policy(done_bias=wrong)
 
 
