@@ -10,6 +10,7 @@ from typing import NamedTuple
 from cliport_benchmark.understanding import Asked, Question
 
 _LEAST = 1e-7  # a probability is taken to be no nearer to 0 or 1
+_TOO_EARLY = 2  # a "done" while work is left counts as so many that are missing: who ends too early has failed
 
 
 class FittedBias(NamedTuple):
@@ -22,7 +23,7 @@ class FittedBias(NamedTuple):
 
 
 def fitted_done_bias(questions: Sequence[Question], present: Mapping[str, float]) -> dict[str, FittedBias]:
-    """Return, for each primitive that would act, the bias with the fewest wrong answers at a threshold of 0.5.
+    """Return, for each primitive that would act, the bias whose wrong answers at a threshold of 0.5 weigh least.
 
     present: the biases that the policy answered with, by the primitives' names. A primitive without answers of both
     kinds, work left and goal reached, is left out.
@@ -40,16 +41,16 @@ def fitted_done_bias(questions: Sequence[Question], present: Mapping[str, float]
 
 
 def _best_cut(left: Sequence[float], reached: Sequence[float]) -> float:
-    """Return the log odds from which "done" is wrong least often, in the middle of where that is so."""
+    """Return the log odds from which "done" is wrong least, in the middle of where that is so."""
     values = sorted({*left, *reached})
     cuts = [values[0] - 1.0, *((a + b) / 2 for a, b in pairwise(values)), values[-1] + 1.0]
-    wrong = [_wrong(left, reached, cut) for cut in cuts]
+    wrong = [_wrong(left, reached, cut, _TOO_EARLY) for cut in cuts]
     best = [cut for cut, count in zip(cuts, wrong, strict=True) if count == min(wrong)]
     return best[len(best) // 2]
 
 
-def _wrong(left: Sequence[float], reached: Sequence[float], cut: float) -> int:
-    return sum(value >= cut for value in left) + sum(value < cut for value in reached)
+def _wrong(left: Sequence[float], reached: Sequence[float], cut: float, too_early: int = 1) -> int:
+    return too_early * sum(value >= cut for value in left) + sum(value < cut for value in reached)
 
 
 def _log_odds(question: Question) -> float:
