@@ -25,7 +25,7 @@ from cliport_benchmark.understanding import Asked, Examined, Examiner, Question,
 from cliport_benchmark.wording import held_out_patterns
 from cliport_core.command_line import CommandParser
 from cliport_core.source_state import source_state
-from cliport_policy.checkpoint import load_checkpoint, resolve_checkpoint
+from cliport_policy.checkpoint import load_card, resolve_checkpoint
 from cliport_policy.checkpoint import write_json as write_card
 from cliport_policy.errors import PolicyError
 from cliport_policy.policy import load_policy
@@ -105,8 +105,11 @@ def _calibrate(checkpoint: str, questions: Sequence[Question]) -> dict[str, floa
         PolicyError: if the card cannot be written.
     """
     path = resolve_checkpoint(checkpoint)
-    _, card = load_checkpoint(path)
+    card = load_card(path)
     found = fitted_done_bias(questions, card.done_bias)
+    if not found:
+        print("done: nothing to fit, for no goal was reached or none left; the card is as it was")
+        return card.done_bias
     biases = {**card.done_bias, **{name: round(fitted.bias, 2) for name, fitted in found.items()}}
     write_card(path.with_suffix(".json"), replace(card, done_bias=biases).to_dict())
     for name, (bias, before, wrong, asked) in found.items():

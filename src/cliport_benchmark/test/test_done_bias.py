@@ -64,6 +64,10 @@ def test_the_bias_is_written_into_the_card_and_scenes_of_the_test_are_not_fitted
     assert f"done, sweep: 0 of 3 wrong with a bias of {bias:+.2f}, 1 before" in capsys.readouterr().out
     assert load_checkpoint(mine)[1].done_bias == {"fold": 0.25, "sweep": bias}
     assert json.loads((tmp_path / "u.json").read_text())["done_bias"] == {"fold": 0.25, "sweep": bias}
+    examined.questions = answers("fold", [0.2], [])
+    assert understanding_cli.main([*given, "--split", "val", "--out", str(tmp_path / "v.json")]) == 0
+    assert "done: nothing to fit" in capsys.readouterr().out
+    assert load_checkpoint(mine)[1].done_bias == {"fold": 0.25, "sweep": bias}
     assert understanding_cli.main([*given, "--split", "test", "--out", str(tmp_path / "t.json")]) == 1
     assert "--calibrate fits the checkpoint to the scenes: give --split val, not test" in capsys.readouterr().err
     assert not (tmp_path / "t.json").exists()

@@ -37,8 +37,9 @@ class Inference:
     action: place.yaw = pick.yaw + the chosen relative rotation; its confidence is the lesser of the two here.
     Pixels are (row, col) on the workspace grid. Confidences are the probability mass within
     a 3 cm disc around the chosen pixel, whatever the rotation, in [0, 1]. The null actions' shares: done_probability,
-    how likely it is that nothing remains to be done for the instruction; absent_probability, how likely that what it
-    names is not to be seen, 0 for a network that does not tell these apart.
+    how likely it is that nothing remains to be done for the instruction, shifted by the card's done_bias;
+    absent_probability, how likely that what it names is not to be seen, 0 for a network that does not tell these
+    apart.
     """
 
     action: PickPlaceAction

@@ -160,17 +160,32 @@ def test_the_likeliest_place_at_a_thing_s_own_side_is_left(policy: Policy) -> No
 def test_a_policy_asks_itself_about_front_and_back_where_one_of_the_own_sides_is_named(
     policy: Policy, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    asked: list[Side] = []
-    monkeypatch.setattr(Policy, "_at_own_side", lambda self, side, front, back, places: asked.append(side) or places)
-    shape = policy.workspace.shape
-    empty = Heightmap(
-        np.zeros((*shape, 3), np.uint8), np.zeros(shape, np.float32), np.ones(shape, bool), policy.workspace
+    asked: list[tuple[Side, torch.Tensor, torch.Tensor]] = []
+
+    def noted(self: Policy, side: Side, front: torch.Tensor, back: torch.Tensor, places: torch.Tensor) -> torch.Tensor:
+        asked.append((side, front, back))
+        return places
+
+    monkeypatch.setattr(Policy, "_at_own_side", noted)
+    color = np.random.default_rng(0).integers(0, 255, (*policy.workspace.shape, 3), np.uint8)
+    height = np.zeros(policy.workspace.shape, np.float32)
+    scene = Heightmap(color, height, np.ones(height.shape, bool), policy.workspace)
+    left, front, back = (
+        f"align the rope from {words}"
+        for words in (
+            "front left tip to back left corner",
+            "front left tip to front right tip",
+            "back right corner to back left corner",
+        )
     )
-    policy.infer(empty, "align the rope from front left tip to back left corner")
-    policy.infer(empty, "align the rope from front left tip to front right tip")
-    assert asked == [Side.LEFT]
+    policy.infer(scene, left)
+    ((side, about_front, about_back),) = asked
+    assert side is Side.LEFT
+    assert torch.allclose(about_front, policy.score(scene, front).places)
+    assert torch.allclose(about_back, policy.score(scene, back).places)
+    assert not torch.allclose(about_front, about_back) and len(asked) == 1
     network = policy.card.network
     assert isinstance(network, JointConfig)
     monkeypatch.setattr(policy, "card", replace(policy.card, network=replace(network, reads_sides=False)))
-    policy.infer(empty, "align the rope from front left tip to back left corner")
-    assert asked == [Side.LEFT]
+    policy.infer(scene, left)
+    assert len(asked) == 1
