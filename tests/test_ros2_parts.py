@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import argparse
+import os
+import subprocess
+import sys
 import threading
 from pathlib import Path
 
@@ -43,6 +46,25 @@ class FakeTime:
         self.waits.append(seconds)
         assert seconds is not None, "nobody would wake it"
         self.now += round(seconds * SECOND)
+
+
+# --- running
+
+DEAF = """
+import os, signal, sys, threading
+from ros2cli_small.run import run_forwarding_signals
+threading.Timer(0.5, os.kill, (os.getpid(), signal.SIGTERM)).start()
+signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGTERM})
+child = "import signal, time; signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGTERM}); time.sleep(60)"
+sys.exit(run_forwarding_signals([sys.executable, "-c", child]) == -signal.SIGTERM)
+"""
+
+
+def test_a_signal_that_does_not_wake_run_is_forwarded_all_the_same():
+    """As one that comes just before it waits: here another thread takes it."""
+    paths = os.pathsep.join(path for path in sys.path if path)
+    ended = subprocess.run([sys.executable, "-c", DEAF], env=os.environ | {"PYTHONPATH": paths}, timeout=20)
+    assert ended.returncode == 1
 
 
 # --- playing

@@ -21,6 +21,7 @@ from cliport_core.ros_executor import node_executor
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 CLOSING_S = 2.0
+_HEARD_S = 0.2
 
 N = TypeVar("N", bound=Node)
 Fail = Callable[[BaseException], None]
@@ -56,7 +57,8 @@ def run_node(
         fail(error)
     else:
         spinner = SpinThread(node, fail)
-        ended.wait()
+        while not ended.wait(_HEARD_S):  # a signal that comes just before a wait is heard after it
+            pass
         if close:
             close(node)
         spinner.stop()

@@ -83,6 +83,20 @@ def test_a_node_ends_when_asked_to() -> None:
     assert (*process.communicate(timeout=60), process.returncode) == ("closed\n", "", 0)
 
 
+def test_a_signal_that_does_not_wake_the_waiting_thread_is_heard_all_the_same() -> None:
+    """As one that comes just before it waits: here another thread takes it, which is no matter of luck."""
+    process = start("""
+def make(fail):
+    threading.Timer(0.5, os.kill, (os.getpid(), signal.SIGTERM)).start()
+    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGTERM})
+    return Node("deaf")
+""")
+    try:
+        assert process.communicate(timeout=20)[0].endswith("closed\n") and process.returncode == 0
+    finally:
+        process.kill()
+
+
 @pytest.mark.parametrize("arguments", [["-p", "nope"], ["--params-file", "/no/such.yaml"], ["-p", "rate:=[1,"]])
 def test_bad_ros_arguments_are_one_line(arguments: list[str]) -> None:
     script = f"sys.argv += ['--ros-args', *{arguments}]\nmake = None\n"

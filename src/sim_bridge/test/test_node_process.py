@@ -45,6 +45,9 @@ def test_sigterm_ends_it_cleanly():
         if "scene:" in line:
             break
     process.send_signal(signal.SIGTERM)
-    output, _ = process.communicate(timeout=15.0)
+    try:
+        output, _ = process.communicate(timeout=15.0)
+    finally:
+        process.kill()
     assert process.returncode == 0, output
     assert "Traceback" not in output

@@ -6,6 +6,7 @@ import argparse
 import shlex
 import signal
 import subprocess
+from contextlib import suppress
 from types import FrameType
 from typing import Any
 
@@ -13,6 +14,7 @@ from ros2cli_small.packages import find_executable
 
 MESSAGE_PREFIX = "[ros2run]:"
 FORWARDED = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
+_HEARD_S = 0.2
 
 
 def add_parser(commands: Any) -> None:
@@ -49,7 +51,9 @@ def run_forwarding_signals(command: list[str]) -> int:
     process = subprocess.Popen(command)
     for missed in early:
         process.send_signal(missed)
-    code = process.wait()
+    while (code := process.poll()) is None:
+        with suppress(subprocess.TimeoutExpired):
+            process.wait(_HEARD_S)  # a signal that comes just before a wait is heard after it
     if code < 0:
         print(MESSAGE_PREFIX, signal.Signals(-code).name)
     elif code > 0:
