@@ -38,7 +38,7 @@ LESSONS: dict[str, dict[str, str]] = {  # command: what is smaller than in READM
     "ros2 run cliport_policy train --data data/train --out runs/bowls": {"--steps": "4", "--batch": "2"},
     f"ros2 run cliport_benchmark evaluate --checkpoint runs/bowls --task {BOWLS} --split test "
     "--first-seed 0 --episodes 100 --processes 2 --out out/seen.json": {"--episodes": "2"},
-    f"ros2 run cliport_benchmark experiment --task {BOWLS} --config compact,transporter "
+    f"ros2 run cliport_benchmark experiment --task {BOWLS} --config compact,transporter_rotator "
     "--n-demos 1,10,100,1000 --out out/exp": {
         "--config": "compact", "--n-demos": "1,2", "--steps": "2", "--val-episodes": "1", "--test-episodes": "1",
         "--train-options": "--batch 1",

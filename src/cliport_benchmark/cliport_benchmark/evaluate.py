@@ -64,6 +64,8 @@ class EvaluateConfig:
             raise OptionError(
                 f"--without-arm is for {' and '.join(BUILT_IN)}, who know where to hold things; got {self.checkpoint}"
             )
+        if self.without_arm and self.exact_offset:
+            raise OptionError("--exact-offset is of the arm: with --without-arm a thing is always placed as it is held")
         if self.is_reworded and not task.sentence_pattern:
             raise OptionError(
                 f"--phrasings, --synonyms and --survey-colors cannot reword {task.name}: its sentences have no slots"

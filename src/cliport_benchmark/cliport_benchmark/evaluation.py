@@ -51,13 +51,19 @@ def is_everyday(task: str) -> bool:
     return _EVERYDAY in task
 
 
+def shows_own_objects(task: str, object_set: str) -> bool:
+    """Return True where the everyday objects are others than the paper's, which no score of its stands beside."""
+    return is_everyday(task) and not object_set.startswith(_GOOGLE_OBJECTS)
+
+
 @dataclass(frozen=True)
 class Evaluation:
     """One file of results; score 0..100, None when every episode was discarded.
 
     object_set: of a task with everyday objects. knew_colors: True for a policy that met "unseen" colours in training.
     doubts: reasons to measure it again. own_set_up: True where the workspace, the camera or the looks were others.
-    seeds: the first and the last of its scenes, as "0 to 99". commit: of the source that scored it. redrawn, broken:
+    seeds: the first and the last of its scenes, as "0 to 99". commit: of the source that scored it. discarded: scenes
+    that could not be set up, left out of the mean. redrawn, broken:
     how many scenes were drawn again, and in how many things flew apart; chance: score 0..100 of random choices;
     with_next: score 0..100 with the next goal counted as far as it is fulfilled already. None where the file does not
     say.
@@ -74,6 +80,7 @@ class Evaluation:
     own_set_up: bool = False
     seeds: str = ""
     commit: str = ""
+    discarded: int | None = None
     redrawn: int | None = None
     broken: int | None = None
     chance: float | None = None
@@ -89,7 +96,7 @@ class Evaluation:
             return OTHER
         if self.task in DEMO_TASKS:
             return DEMO_TEST if self.split == "test" else DEMO_VAL
-        if is_everyday(self.task) and not self.object_set.startswith(_GOOGLE_OBJECTS):
+        if shows_own_objects(self.task, self.object_set):
             return OWN_OBJECTS
         if self.knew_colors and "unseen-colors" in self.task:
             return TOLD
@@ -118,6 +125,7 @@ def read_evaluation(path: Path) -> Evaluation:
             bool(set_up_words(values)),
             _seeds(values),
             str(values.get("commit", "")),
+            _known(values, "discarded", int),
             _known(values, "redrawn", int),
             _known(values, "broken", int),
             _known(values, "chance", float),

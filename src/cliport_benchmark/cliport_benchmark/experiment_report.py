@@ -8,9 +8,10 @@ from pathlib import Path
 from typing import Any
 
 from cliport_benchmark.errors import DataFolderError
+from cliport_benchmark.evaluation import shows_own_objects
 from cliport_benchmark.experiment import RESULT_NAME
 from cliport_benchmark.json_files import read_json, write_json
-from cliport_benchmark.markdown_lines import number, table_line
+from cliport_benchmark.markdown_lines import count, number, table_line
 from cliport_benchmark.paper_scores import (
     ABLATION_TABLE,
     DEMO_COUNTS,
@@ -22,7 +23,6 @@ from cliport_benchmark.paper_scores import (
     paper_row,
 )
 
-_OTHER_OBJECTS = "own-"  # prefix of sets of everyday objects that the paper does not have
 _UNSEEN = "unseen-colors"
 
 
@@ -31,6 +31,7 @@ class TestScore:
     """One line of the table; scores 0..100, None where every episode was discarded.
 
     exact: the score where an error of the pick is carried into the place, None where that was not asked for.
+    discarded, redrawn, broken: how many of its scenes (see evaluate), None where that is not known.
     row: the paper's network that it stands beside. comparable: False where the paper has no such score: everyday
     objects of this project's own, or "unseen" colours of a policy that met their words in training.
     """
@@ -47,6 +48,9 @@ class TestScore:
     row: PaperRow = YARDSTICK
     comparable: bool = True
     exact: float | None = None
+    discarded: int | None = None
+    redrawn: int | None = None
+    broken: int | None = None
 
     @property
     def paper_test(self) -> float | None:
@@ -87,8 +91,8 @@ def table(scores: Sequence[TestScore]) -> str:
     """Return the experiments as a table in Markdown."""
     lines = [
         "| task | network | demonstrations | test score | exact offset | paper, test | chance | episodes | val "
-        "| paper, val | step | paper's method |",
-        "|---|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|---|",
+        "| paper, val | step | paper's method | discarded | redrawn | broken |",
+        "|---|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|---|---:|---:|---:|",
     ]
     for s in scores:
         compared = (s.paper_test, s.paper_val) != (None, None)
@@ -100,16 +104,19 @@ def table(scores: Sequence[TestScore]) -> str:
             number(s.paper_val),
             str(s.step),
             s.row.name if compared else "",
+            *(count(value) for value in (s.discarded, s.redrawn, s.broken)),
         ]
         lines.append(table_line(cells))
     lines += [
         "",
         "Mean scores, 0 to 100, of the checkpoint that scored highest on val; `chance` picks and places at random",
-        "among what is there. The paper's are of the checkpoint that is best on the task's validation scenes. Its arm",
-        "has a suction cup or a spatula, this one a parallel gripper. Tables 1 and 5 are test scores, 4 and 6",
-        "validation scores. None stands beside everyday objects of this project's own, nor beside unseen colours whose",
-        "words training brought (recolor: surveyed). Grasps were centred on the thing seen, so that an error of the",
-        "pick does not reach the place; under `exact offset` it does, as in the paper (experiment --exact-offset).",
+        "among what is there. Discarded: scenes that could not be set up, the only ones left out of the mean; redrawn:",
+        "drawn again; broken: things flew apart, and the score before that stands. The paper's are of the checkpoint",
+        "that is best on the task's validation scenes. Its arm has a suction cup or a spatula, this one a parallel",
+        "gripper. Tables 1 and 5 are test scores, 4 and 6 validation scores. None stands beside everyday objects of",
+        "this project's own, nor beside unseen colours whose words training brought (recolor: surveyed). Grasps were",
+        "centred on the thing seen, so that an error of the pick does not reach the place; under `exact offset`",
+        "it does, as in the paper (experiment --exact-offset).",
     ]
     return "\n".join(lines) + "\n"
 
@@ -133,6 +140,7 @@ def _scores(result: dict[str, Any]) -> list[TestScore]:
                 row,
                 _is_comparable(result, task, test),
                 result.get("test_exact", {}).get(task, {}).get("mean_score"),
+                *(test.get(name) for name in ("discarded", "redrawn", "broken")),
             )
             for task, test in result["test"].items()
         ]
@@ -143,7 +151,7 @@ def _scores(result: dict[str, Any]) -> list[TestScore]:
 def _is_comparable(result: dict[str, Any], task: str, test: dict[str, Any]) -> bool:
     if any(result.get(name) for name in ("workspace", "camera", "randomize_scores")):
         return False
-    if str(test.get("object_set") or "").startswith(_OTHER_OBJECTS):
+    if shows_own_objects(task, str(test.get("object_set") or "")):
         return False
     surveyed = any(text.replace(" ", "") == "train.recolor=surveyed" for text in result.get("settings", ()))
     return not (_UNSEEN in task and result.get("met_surveyed_colors", surveyed))

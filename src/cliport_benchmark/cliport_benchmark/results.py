@@ -24,16 +24,18 @@ _REMARK = (
     "Mean scores, 0 to 100; the paper's are of 100 episodes after training on {demos} demonstrations a task, of the "
     "checkpoint that is best on that task's validation scenes, with a suction cup or spatula where a parallel gripper "
     "acts here. Grasps are centred on the thing seen where a column does not say `exact offset`, which the paper's "
-    "are. Redrawn: scenes that were drawn again, since a thing found no place or flew apart before the first action; "
-    "broken: episodes in which things flew apart later, which keep the score that stood before; neither is left out of "
-    f"the mean. Chance: what random choices would score, where that is known; {LANGUAGE_BLIND}: an agent that sees and "
-    "handles everything as the expert but does not hear the sentence (`evaluate --checkpoint blind`); a number in "
-    "brackets is of scenes."
+    "are. Discarded: scenes that could not be set up at all, the only ones left out of the mean; redrawn: scenes that "
+    "were drawn again, since a thing found no place or flew apart before the first action; broken: episodes in which "
+    "things flew apart later, which keep the score that stood before. [open] and [strict] after a method: it was told "
+    "beforehand what colours' names mean, all of a survey's or those without orange, purple, pink and white. Chance: "
+    f"what random choices would score, where that is known; {LANGUAGE_BLIND}: an agent that sees and handles "
+    "everything as the expert but does not hear the sentence (`evaluate --checkpoint blind`); a number in brackets is "
+    "of scenes."
 )
 _ORDER = {task: i for i, task in enumerate((*LANGUAGE_SPLITS, *DEMO_TASKS))}
 _WIDTH = 140  # of the lines of text
 _OUR_COLUMNS = (
-    *("task", "by", "split", "score", "episodes", "redrawn", "broken", "chance"),
+    *("task", "by", "split", "score", "episodes", "discarded", "redrawn", "broken", "chance"),
     LANGUAGE_BLIND,
 )
 
@@ -142,7 +144,7 @@ def _own_cells(one: Evaluation, evaluations: Sequence[Evaluation]) -> list[str]:
     words = "" if blind is None else number(blind.score)
     if blind is not None and blind.seeds != one.seeds:
         words += f" ({blind.episodes})"
-    counts = [count(value) for value in (one.redrawn, one.broken)]
+    counts = [count(value) for value in (one.discarded, one.redrawn, one.broken)]
     return [one.task, one.agent, one.split, number(one.score), str(one.episodes), *counts, number(one.chance), words]
 
 

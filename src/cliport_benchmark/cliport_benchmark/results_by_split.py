@@ -67,15 +67,15 @@ def _table(section: Section, evaluations: Sequence[Evaluation], demos: int) -> l
 
 
 def _own_columns(evaluations: Sequence[Evaluation]) -> list[_Column]:
-    """Return two columns an agent, its scores and how many scenes were redrawn and broke, and one of chance."""
+    """Return two columns an agent, its scores and how many scenes were discarded, redrawn and broke, and chance."""
     columns = []
     for name, own in sorted(_by_column(evaluations).items(), key=lambda item: (item[0].startswith(_LAST), item[0])):
         differ = len({e.episodes for e in own}) > 1
         scores = {e.task: number(e.score) + f" ({e.episodes})" * (differ and e.score is not None) for e in own}
         title = f"{LANGUAGE_BLIND} ({name})" if own[0].is_blind else name
         columns.append(_Column(title, {e.task: e.score for e in own}, scores))
-        counts = {e.task: f"{count(e.redrawn)}, {count(e.broken)}" for e in own}
-        columns.append(_Column("redrawn, broken", {}, counts))
+        counts = {e.task: ", ".join(map(count, (e.discarded, e.redrawn, e.broken))) for e in own}
+        columns.append(_Column("discarded, redrawn, broken", {}, counts))
     chances = {e.task: e.chance for e in sorted(evaluations, key=lambda e: e.episodes) if e.chance is not None}
     return [*columns, _Column("chance", chances)] if chances else columns
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from cliport_benchmark import arm_hand
@@ -41,11 +42,12 @@ def test_after_a_failure_the_executor_knows_that_the_hand_let_go(monkeypatch: py
         world.close()
 
 
+@pytest.mark.parametrize("direction", [(0.0, 1.0), (1.0, 0.0)], ids=["across the jaws", "along the jaws' way"])
 @pytest.mark.parametrize(("exact_offset", "expected"), [(False, 0.0), (True, 0.014)])
 def test_a_block_that_is_picked_14_mm_off_is_centred_or_as_far_off_at_the_place(
-    exact_offset: bool, expected: float
+    exact_offset: bool, expected: float, direction: tuple[float, float]
 ) -> None:
-    """Off along the fingers' width: across it they would centre the block by closing."""
+    """Also where the closing jaws centre the block themselves: the place is moved then."""
     world = SimWorld()
     try:
         task = reset_scene(world, "stack-block-pyramid-seq-seen-colors", "val", 0)
@@ -55,7 +57,9 @@ def test_a_block_that_is_picked_14_mm_off_is_centred_or_as_far_off_at_the_place(
         action = task.expert_action()
         assert action is not None
         x, y, yaw = action.pick.x, action.pick.y, action.pick.yaw
-        off = PlanarPose(x - 0.014 * math.sin(yaw), y + 0.014 * math.cos(yaw), yaw)
+        along, across = 0.014 * np.array(direction)
+        cos, sin = math.cos(yaw), math.sin(yaw)
+        off = PlanarPose(x + along * cos - across * sin, y + along * sin + across * cos, yaw)
         named = next(thing for thing in task.objects if math.dist(world.object_xy(thing), (x, y)) < 0.005)
         result = arm.execute(replace(action, pick=off), observer.frame(world))
         assert result.outcome is Outcome.SUCCEEDED

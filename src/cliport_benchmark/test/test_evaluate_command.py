@@ -49,6 +49,8 @@ def test_without_the_arm_is_another_evaluation_and_for_those_who_know_the_scene(
             Journal(out, other.settings())
     with pytest.raises(OptionError, match=r"--without-arm is for expert and blind, who know .*; got default"):
         replace(config, checkpoint="default")
+    with pytest.raises(OptionError, match=r"--exact-offset is of the arm: with --without-arm .* as it is held"):
+        replace(config, exact_offset=True)
 
 
 def test_results_say_which_weights_and_method_they_are_of(tmp_path: Path) -> None:

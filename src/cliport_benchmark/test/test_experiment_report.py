@@ -61,6 +61,13 @@ def test_both_offsets_stand_beside_each_other(tmp_path: Path) -> None:
     assert [row[2:5] for row in rows_of(write_report(tmp_path)[1])] == [["10", "97.0", "81.2"], ["100", "99.0", ""]]
 
 
+def test_scenes_that_were_not_as_drawn_are_counted(tmp_path: Path) -> None:
+    write(tmp_path, "compact", 10, 97.0)
+    counted = result("x", 100, 50.0)["test"][TASK] | {"discarded": 1, "redrawn": 2, "broken": 3}
+    write(tmp_path, "compact", 100, 50.0, test={TASK: counted})
+    assert [row[12:] for row in rows_of(write_report(tmp_path)[1])] == [["unknown"] * 3, ["1", "2", "3"]]
+
+
 def test_a_test_whose_scenes_were_all_discarded_leaves_its_cell_empty(tmp_path: Path) -> None:
     write(tmp_path, "compact", 100, 50.0)
     nothing = result("x", 10, 0.0)["test"][TASK] | {"mean_score": None, "n_episodes": 0}

@@ -19,7 +19,7 @@ COMMIT = "0123456789abcdef"
 BOWLS = "put-blocks-in-bowls-unseen-colors"
 OBJECTS = "packing-unseen-google-objects-seq"
 HANOI = "towers-of-hanoi-seq-seen-colors"
-UNCOUNTED = ("unknown", "unknown", "", "")  # redrawn, broken, chance and the blind agent of a result of old
+UNCOUNTED = ("unknown", "unknown", "unknown", "", "")  # counts, chance and the blind agent of a result of old
 
 
 def write(path: Path, **values: object) -> None:
@@ -107,9 +107,9 @@ def test_test_scores_stand_beside_table_1_and_validation_scores_beside_table_4(t
             *UNCOUNTED,
             *("" if p is None else f"{p}" for p in paper),
         ]
-    assert test[HANOI][9:] != val[HANOI][9:]
+    assert test[HANOI][10:] != val[HANOI][10:]
     assert demo_test == {"sweeping-piles": ["sweeping-piles", "expert", "test", "", "0", *UNCOUNTED]}
-    assert len(demo_val["sweeping-piles"]) == 13
+    assert len(demo_val["sweeping-piles"]) == 14
     assert other[HANOI] == [HANOI, "expert", "train", "77.7", "50", *UNCOUNTED]
     table = {row["split"]: row for row in csv.DictReader(out.with_suffix(".csv").open()) if row["task"] == HANOI}
     one, four = "table 1: CLIPORT (single) @1", "table 4: CLIPORT (single) @1"
@@ -118,13 +118,13 @@ def test_test_scores_stand_beside_table_1_and_validation_scores_beside_table_4(t
 
 
 def test_what_a_score_is_worth_stands_beside_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """How many scenes were redrawn and broke, chance, and the blind agent on the same scenes, else on the most."""
+    """How many scenes were not as drawn, chance, and the blind agent on the same scenes, else on the most."""
     mine, blind = tmp_path / "mine", tmp_path / "blind"
     mine.mkdir()
     blind.mkdir()
-    counts = {"redrawn": 3, "broken": 1, "chance": 19.52}
+    counts = {"discarded": 0, "redrawn": 3, "broken": 1, "chance": 19.52}
     write(mine / "a.json", task=BOWLS, checkpoint="mine", first_seed=0, **counts)
-    write(mine / "b.json", task=HANOI, checkpoint="mine", first_seed=0, redrawn=0, broken=0, chance=None)
+    write(mine / "b.json", task=HANOI, checkpoint="mine", first_seed=0, discarded=2, redrawn=0, broken=0, chance=None)
     write(mine / "c.json", task=OBJECTS, checkpoint="mine", first_seed=0, object_set="own-56", n_episodes=20)
     write(mine / "d.json", task=BOWLS, split="val", checkpoint="mine", first_seed=0)
     blind_one = {"checkpoint": "blind", "without_arm": True}
@@ -137,12 +137,12 @@ def test_what_a_score_is_worth_stands_beside_it(tmp_path: Path, capsys: pytest.C
     assert main([str(mine), str(blind), "--out", str(tmp_path / "r.md")]) == 0
     lines = (tmp_path / "r.md").read_text().splitlines()
     rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in lines if line.startswith("| ")]
-    beside = {(row[0], row[2]): row[5:9] for row in rows if row[1].startswith("mine")}
+    beside = {(row[0], row[2]): row[5:10] for row in rows if row[1].startswith("mine")}
     assert beside == {
-        (BOWLS, "test"): ["3", "1", "19.5", "31.2"],
-        (HANOI, "test"): ["0", "0", "", "44.4 (40)"],
-        (OBJECTS, "test"): ["unknown", "unknown", "", "41.2 (50)"],
-        (BOWLS, "val"): ["unknown", "unknown", "", ""],
+        (BOWLS, "test"): ["0", "3", "1", "19.5", "31.2"],
+        (HANOI, "test"): ["2", "0", "0", "", "44.4 (40)"],
+        (OBJECTS, "test"): ["unknown", "unknown", "unknown", "", "41.2 (50)"],
+        (BOWLS, "val"): ["unknown", "unknown", "unknown", "", ""],
     }
     assert any("blind, without the arm" in line for line in lines)
     assert [row[2:] for row in rows if row[3:5] == ["40.1", "31.2"]] == [["50", "40.1", "31.2", "0123456"]]
@@ -161,7 +161,7 @@ def test_what_has_no_counterpart_stands_beside_nothing(tmp_path: Path, capsys: p
     assert main([str(tmp_path)]) == 0
     found = sections(capsys.readouterr().out)
     test = next(rows for title, rows in found.items() if "table 1" in title)
-    assert test[OBJECTS][1:4] == ["expert, google OBJ folder, 56 of 56", "test", "50.0"] and len(test[OBJECTS]) == 15
+    assert test[OBJECTS][1:4] == ["expert, google OBJ folder, 56 of 56", "test", "50.0"] and len(test[OBJECTS]) == 16
     assert test[BOWLS][1] == "" and test[BOWLS.replace("unseen", "seen")][3] == "99.0"
     own = next(rows for title, rows in found.items() if "of this project's own" in title)
     assert own == {OBJECTS: [OBJECTS, "expert, own-56", "test", "98.6", "50", *UNCOUNTED]}
@@ -309,7 +309,7 @@ def test_by_split_has_a_column_for_each_agent_and_averages_of_whole_sets(tmp_pat
     for number, task in enumerate(seen):
         write(tmp_path / f"{number}.json", task=task, checkpoint="mine", mean_score=10.0 * number, first_seed=100)
     write(tmp_path / "blind.json", task=seen[0], checkpoint="blind", mean_score=3.0, first_seed=100)
-    counts = {"redrawn": 2, "broken": 0, "chance": 19.5}
+    counts = {"discarded": 0, "redrawn": 2, "broken": 0, "chance": 19.5}
     write(tmp_path / "again.json", task=seen[0], checkpoint="mine", mean_score=55.0, first_seed=0, **counts)
     write(tmp_path / "own.json", task=OBJECTS, checkpoint="mine", mean_score=70.0, object_set="own objects")
     write(tmp_path / "survey.json", survey_colors=30.0)
@@ -320,11 +320,12 @@ def test_by_split_has_a_column_for_each_agent_and_averages_of_whole_sets(tmp_pat
     names = [cell.strip() for cell in header.split("|")[1:-1]]
     mine, blind = (f"{name}, seeds 100 to 149, 0123456" for name in ("mine", "blind"))
     assert names[1:7:2] == ["mine, seeds 0 to 49, 0123456", mine, f"language-blind, manually perfect ({blind})"]
-    assert set(names[2:7:2]) == {"redrawn, broken"}
+    assert set(names[2:7:2]) == {"discarded, redrawn, broken"}
     assert names[7:9] == ["chance", f"{paper_methods('1')[0]} @100"]
     table, own = sections(text).values()
-    assert table[seen[0]][1:8] == ["55.0", "2, 0", "0.0", "unknown, unknown", "3.0", "unknown, unknown", "19.5"]
-    assert table[seen[1]][1:8] == ["", "", "10.0", "unknown, unknown", "", "", ""]
+    unknown = ", ".join(["unknown"] * 3)
+    assert table[seen[0]][1:8] == ["55.0", "0, 2, 0", "0.0", unknown, "3.0", unknown, "19.5"]
+    assert table[seen[1]][1:8] == ["", "", "10.0", unknown, "", "", ""]
     seen_average, unseen_average = (
         table[f"average, 7 {kind} splits without everyday objects"] for kind in ("seen", "unseen")
     )

@@ -89,9 +89,9 @@ ADAPTATIONS: tuple[Adaptation, ...] = (
     ),
     Adaptation(
         "all",
-        "the agent may end the episode: done, or a sentence that it refuses",
+        "a sentence that the agent refuses ends the episode; so does done in the graph, which evaluate only records",
         "a robot at work must know when to stop",
-        "none where it is right; one that stops too early keeps the score that stands",
+        "none in evaluate without a refusal; in the graph an agent that stops too early keeps the score that stands",
     ),
     Adaptation(
         "all",
@@ -119,9 +119,15 @@ ADAPTATIONS: tuple[Adaptation, ...] = (
     ),
     Adaptation(
         "put-blocks-in-bowls, place-red-in-green",
-        "a bowl's pose is its middle; it collides as 15 wall pieces and a floor; a block weighs 30 g",
-        "the original mesh lies 26 mm off its pose; fingers and blocks go into bowls; steadier grasps",
+        "a bowl's pose is its middle; it collides as 15 wall pieces and a floor",
+        "the original mesh lies 26 mm off its pose; fingers and blocks go into bowls",
         "the 5 cm disc is centred on the bowl",
+    ),
+    Adaptation(
+        "put-blocks-in-bowls, place-red-in-green, stack-block-pyramid-seq, stack-block-pyramid",
+        "a block weighs 30 g instead of 10 g",
+        "steadier grasps",
+        "not measured; a block that is touched moves less",
     ),
     Adaptation(
         "put-blocks-in-bowls",
@@ -167,6 +173,12 @@ ADAPTATIONS: tuple[Adaptation, ...] = (
         "order, not in the reverse of a random unstacking",
         "a box that has not come cannot be scored; a whole layer stands before the next one begins",
         "none on the score of a finished pallet; other orders are shown than the original's expert shows",
+    ),
+    Adaptation(
+        "palletizing-boxes",
+        "after the last box has come the episode goes on until all are on the pallet or 30 steps are spent",
+        "a grasp may fail; in the original the next action is the last one",
+        "easier: a last box that was missed may be tried again",
     ),
     Adaptation(
         "assembling-kits-seq, assembling-kits, packing-unseen-shapes",
