@@ -99,7 +99,7 @@ class RunCommands:
         """Show a plan and wait until it may be executed; return True if the scene may have changed meanwhile.
 
         Raises:
-            RequestError: when nobody approved it in time.
+            RequestError: when nobody approved it in time, or before a stop was asked for.
             EarlyEnd: when a stop was asked for.
         """
         waited = self._on_plan(motions)

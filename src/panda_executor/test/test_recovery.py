@@ -260,7 +260,25 @@ def test_an_approval_expires() -> None:
 def test_a_stop_ends_the_wait_for_an_approval() -> None:
     approvals = Approvals(1e9)
     approvals.offer("b")
-    approvals.wait("b", lambda: True)
+    with pytest.raises(RequestError, match="plan b was not approved before a stop was asked for") as caught:
+        approvals.wait("b", lambda: True)
+    assert caught.value.refusal is Refusal.NOT_APPROVED
+    assert approvals.approve("b") == (False, "no plan waits for approval")
+
+
+def test_a_stop_that_is_taken_back_does_not_approve_a_plan(planner: TransferPlanner, table_cloud: np.ndarray) -> None:
+    """Whoever asks for a stop while the plan waits may not ask any more when the first motion is sent."""
+    bench = Bench(planner, table_cloud, AfterFailure.KEEP)
+    approvals, stops = Approvals(1e9), [False, True, False]
+
+    def wait(_: object) -> bool:
+        approvals.offer("b")
+        approvals.wait("b", lambda: stops.pop(0))
+        return True
+
+    result = bench.runner.run(GOAL, table_cloud, WorkspaceSpec(), on_plan=wait)
+    assert (result.outcome, result.refusal) == (Outcome.REJECTED, Refusal.NOT_APPROVED)
+    assert bench.arm.sent == [] and bench.gripper.moves == []
 
 
 def test_a_plan_that_nobody_approves_moves_nothing(planner: TransferPlanner, table_cloud: np.ndarray) -> None:

@@ -37,7 +37,13 @@ def test_an_owner_is_silent_after_longer_than_it_may_be() -> None:
         told.append(owners.is_silent("a"))
     assert told == [False] * 4 + [True] * 2
     owners.on_beat("a")
-    assert not owners.is_silent("a")
+    assert owners.is_silent("a"), "a late sign does not revive a goal that was told to end"
+    owners.begin("a")
+    clock.now += 3.0 * STEP
+    owners.is_silent("a")
+    owners.on_beat("a")
+    clock.now += 2.0 * STEP
+    assert not owners.is_silent("a"), "one in time does, and the next goal begins anew"
 
 
 def test_a_long_pause_between_two_looks_counts_as_a_short_one() -> None:
