@@ -67,7 +67,7 @@ class RunCommands:
         on_plan: OnPlan = lambda motions: False,
     ) -> None:
         self._on_plan = on_plan
-        self._hand = hand or HandContent(config.missed_width)
+        self._hand = hand or HandContent(config.missed_width, config.hand.opening)
         self.moved = False
         self._share = 0.0  # of the whole action that is done
         self._arm, self._gripper, self._limits = arm, gripper, limits

@@ -34,7 +34,7 @@ class Bench:
     """A runner that goes back after failures as `rule` says."""
 
     def __init__(self, planner: TransferPlanner, cloud: np.ndarray, rule: AfterFailure) -> None:
-        self.arm, self.gripper, self.cloud = FakeArm(), FakeGripper(opening=0.02), cloud
+        self.arm, self.gripper, self.cloud = FakeArm(), FakeGripper(opening=0.0), cloud
         config = replace(planner.config, after_failure=rule)
         self.runner = PickPlaceRunner(planner.model, planner, self.arm, self.gripper, config)
         self.stop = False
@@ -119,7 +119,7 @@ def test_what_a_failing_gripper_holds_is_not_forgotten(
 ) -> None:
     """It closed round the object and aborted, or did not open: the next goal used to drop the object from above."""
     bench = Bench(planner, table_cloud, AfterFailure.KEEP)
-    gripper = StubbornGripper(opening=0.02)
+    gripper = StubbornGripper(opening=0.0)
     gripper.at = at
     bench.gripper = gripper
     bench.runner = PickPlaceRunner(planner.model, planner, bench.arm, gripper, bench.runner.config)
@@ -133,7 +133,7 @@ def test_what_a_failing_gripper_holds_is_not_forgotten(
 
 def test_a_miss_is_told_with_what_failed_after_it(planner: TransferPlanner, table_cloud: np.ndarray) -> None:
     bench = Bench(planner, table_cloud, AfterFailure.KEEP)
-    gripper = StubbornGripper(opening=0.02, object_width=0.0)
+    gripper = StubbornGripper(opening=0.0, object_width=0.0)
     gripper.at = 2
     bench.runner = PickPlaceRunner(planner.model, planner, bench.arm, gripper, bench.runner.config)
     result = bench.run()

@@ -222,7 +222,7 @@ class StoppingGripper(FakeGripper):
 def test_cancelled_while_the_fingers_move(
     planner: TransferPlanner, table_cloud: np.ndarray, number: int, motions: int
 ) -> None:
-    arm, gripper = FakeArm(), StoppingGripper(opening=0.02)
+    arm, gripper = FakeArm(), StoppingGripper(opening=0.0)
     bench = Bench(PickPlaceRunner(planner.model, planner, arm, gripper), arm, gripper, table_cloud, [])
 
     def on_move(move: int) -> None:
