@@ -95,6 +95,18 @@ def test_a_goal_that_runs_must_be_looked_at() -> None:
     assert pulse.is_alive()
 
 
+def test_a_goal_that_does_not_end_when_it_is_told_to_is_not_watched() -> None:
+    clock = Clock()
+    pulse = WorkPulse(clock, 0.25)
+    pulse.begin()
+    pulse.lapse()
+    assert not pulse.is_alive()
+    pulse.end()
+    assert pulse.is_alive(), "it is over"
+    pulse.begin()
+    assert pulse.is_alive(), "another one"
+
+
 def test_a_goal_whose_end_nobody_can_hear_is_not_watched() -> None:
     clock = Clock()
     pulse = WorkPulse(clock, 0.25)
