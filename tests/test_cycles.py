@@ -1,4 +1,4 @@
-"""Many cycles through the graph, faster than real time: no crash, growth or slowing, nothing left in shared memory.
+"""Many cycles through the graph, faster than real time: most succeed, nothing crashes, grows, slows or is left behind.
 
 `make soak PYTEST_ARGS=tests/test_cycles.py` runs this, with CYCLES=10 before it fewer.
 """
@@ -23,6 +23,7 @@ CYCLES = int(os.environ.get("CYCLES", "1000"))
 TENTH = max(CYCLES // 10, 1)
 TASK = "put-blocks-in-bowls-seen-colors"
 FASTER = float(os.environ.get("FASTER", "2"))  # than real time; at 20 no picture is fresh when it arrives
+DONE = 0.9  # of the cycles, at least: the shipped policy ends nearly all of this task's
 GROWTH_MB = 20.0  # of a process after the first tenth, at most
 SLOWER = 1.05  # the last tenth than the first, at most
 ENOUGH = 100  # cycles from which on the pace says anything
@@ -59,6 +60,7 @@ def test_a_thousand_cycles_leave_the_graph_as_it_was(tmp_path: Path) -> None:
     found = {"cycles": CYCLES, "succeeded": done, "growth_mb": growth, "last_to_first_tenth": slower, "left": left}
     write({**found, "memory_mb": memory}, seconds)
     print(found)
+    assert done >= DONE * CYCLES, f"{done} of {CYCLES} succeeded"
     assert not left
     assert max(growth.values()) <= GROWTH_MB, growth
     assert CYCLES < ENOUGH or slower <= SLOWER

@@ -2,9 +2,13 @@
 
 `make soak` runs this; the figures go to out/motion_faults.json, and `python tests/fault_table.py` makes the table of
 docs/motion_safety.md of them.
+
+Where a process died or hangs the arm is to rest DIED after it, else BRAKES after the fault is known: at once, but for
+those of KNOWN_AFTER.
 """
 
 import json
+import math
 import os
 import signal
 import time
@@ -23,22 +27,34 @@ from ros_domain import next_domain
 
 from cliport_benchmark.graph_process import GraphProcess
 from cliport_interfaces.action import PickPlace
+from cliport_interfaces.msg import PolicyStatus
 from panda_executor.model import PandaModel
 from panda_model import load_preset
 
 TASK = "put-blocks-in-bowls-seen-colors"
-GUARD = 2.0  # s, after which a test gives up; the figures themselves are in the table
+DIED = 0.5  # from the end or the hang of a process to the arm's rest [s]
+BRAKES = 0.3  # from when a fault is known to the arm's rest [s]
+KNOWN_AFTER = {  # the fault [s]
+    "joint states lost": 0.3,  # the guard's joint_silence
+    "joint states restamped": 0.4,  # the executor's ArmWatch.frozen
+    "cancel lost, stop asked for": 0.3,  # the executor waits 0.1 s for its cancel, the simulator 0.2 s for a heartbeat
+}
+BUSY_LOAD = 2.0  # load average of the last minute for each core from which a machine is busy; a graph alone stays below
+BUSY = 0.1  # more on such a machine [s]: with 10 to 15 on two cores the worst rows were 0.06 s above these limits
 JOINTS = list(load_preset().arm_joints)
+SENT = "trajectories.jsonl"  # what the arm's controller was sent
+SLOW = 0.25  # velocity scaling at which a motion is far from its end when it is stopped
 
 pytestmark = pytest.mark.soak
 
 
 @contextmanager
-def resting_graph(tmp_path: Path, patient: bool) -> Iterator[tuple[GraphProcess, GraphProbe, str]]:
+def resting_graph(tmp_path: Path, patient: bool, **executor: float) -> Iterator[tuple[GraphProcess, GraphProbe, str]]:
     """A graph of its own for each fault, in real time, its arm at rest; and what there is to be done."""
-    domain = next_domain()
-    params = str(with_hardware_times(tmp_path, patient))
-    arguments = {"task": TASK, "split": "test", "seed": "3", "params": params}
+    domain, sent = next_domain(), tmp_path / SENT
+    sent.touch()
+    params = str(with_hardware_times(tmp_path, patient, **executor))
+    arguments = {"task": TASK, "split": "test", "seed": "3", "params": params, "trajectory_log": str(sent)}
     environment = {"ROS_DOMAIN_ID": str(domain)}
     with (
         GraphProcess("sim.launch.yaml", arguments, tmp_path / "graph.log", environment) as graph,
@@ -76,17 +92,6 @@ def switched(name: str) -> Callable[[GraphProcess, GraphProbe], None]:
     return lambda graph, probe: probe.set_sim_parameter(name, True)
 
 
-def after(seconds: float, fault: Callable[[GraphProcess, GraphProbe], object], switch: str) -> Callable[..., None]:
-    """Return a fault that follows on a switch of the simulator's."""
-
-    def inject(graph: GraphProcess, probe: GraphProbe) -> None:
-        probe.set_sim_parameter(switch, True)
-        time.sleep(seconds)
-        fault(graph, probe)
-
-    return inject
-
-
 FAULTS: dict[str, Callable[[GraphProcess, GraphProbe], object]] = {
     "executor killed": kill("executor", signal.SIGKILL),
     "executor hung (SIGSTOP)": kill("executor", signal.SIGSTOP),
@@ -100,9 +105,6 @@ FAULTS: dict[str, Callable[[GraphProcess, GraphProbe], object]] = {
     "joint states restamped": switched("joint_states_restamped"),
     "clock 10 s ahead": switched("clock_ahead"),
     "clock 10 s back": switched("clock_back"),
-    "cancel lost, stop asked for": after(
-        0.0, lambda graph, probe: probe.trigger("/panda_executor/stop"), "lose_cancel"
-    ),
 }
 
 
@@ -120,8 +122,26 @@ def test_the_arm_comes_to_rest(moving: tuple[GraphProcess, GraphProbe], fault: s
     assert probe.fastest(still + 0.05) < STILL, "the arm went on"
 
 
+def test_a_cancel_that_is_lost_is_made_up_for_by_the_simulator(tmp_path: Path) -> None:
+    """The motion is slow: what ends it has to be the simulator's own check, and not its goal."""
+    with resting_graph(tmp_path, patient=False, velocity_scaling=SLOW) as (graph, probe, sentence):
+        probe.instruct(sentence)
+        probe.wait_moving(40.0)
+        time.sleep(0.25)
+        probe.set_sim_parameter("lose_cancel", True)
+        log = FaultLog(graph.log_path)
+        before, start = probe.positions(JOINTS), time.monotonic()
+        probe.trigger("/panda_executor/stop")
+        still = _rests(probe, "cancel lost, stop asked for", start, before, log)
+        assert probe.fastest(still + 0.05) < STILL, "the arm went on"
+        assert "heartbeat lost: nothing from the executor" in graph.log_text(), graph.log_tail(30)
+        [goal] = map(json.loads, (tmp_path / SENT).read_text().splitlines())
+        assert np.abs(probe.positions(goal["joint_names"]) - goal["positions"][-1]).max() > 0.05, "it had arrived"
+
+
 # switches of the simulator before the motion, and what the executor must say then
 WORDS = {
+    "abort_next_trajectory": "the arm's motion aborted",
     "never_accept": "no answer from",
     "never_end": "took more than",
     "miss_goal": "goal tolerance violated",
@@ -139,6 +159,20 @@ def test_what_fails_is_named_and_the_arm_rests(ready: tuple[GraphProcess, GraphP
     said = _wait_words(graph, WORDS[switch], 40.0)
     probe.instruct("")
     still = _rests(probe, switch.replace("_", " "), said, probe.positions(JOINTS), log)
+    time.sleep(0.5)
+    assert probe.fastest(still + 0.05) < STILL, "the arm went on"
+
+
+def test_a_camera_that_freezes_on_the_way_ends_in_one_line(ready: tuple[GraphProcess, GraphProbe, str]) -> None:
+    """The motions that were planned may be carried out, or not; nothing is chosen from an old picture."""
+    _, probe, sentence = ready
+    probe.instruct(sentence)
+    probe.wait_phase("GO_ABOVE_PICK", 60.0)
+    probe.wait_moving(5.0)
+    probe.set_sim_parameter("freeze_camera", True)
+    status = probe.wait_status(lambda said: said.state == PolicyStatus.STATE_FAILED, 60.0)
+    assert status.message and "\n" not in status.message
+    still = probe.wait_still(time.monotonic(), 5.0)
     time.sleep(0.5)
     assert probe.fastest(still + 0.05) < STILL, "the arm went on"
 
@@ -202,9 +236,17 @@ def _rests(
     still = probe.wait_still(start, 5.0, span)
     model = PandaModel()
     metres = float(np.linalg.norm(model.tcp_arrays(probe.positions(JOINTS))[1] - model.tcp_arrays(before)[1]))
-    _note(fault, still - start, metres, log.said())
-    assert still - start < GUARD
+    load, limit = os.getloadavg()[0], _limit(fault)
+    _note(fault, still - start, metres, log.said(), limit, load)
+    assert still - start <= limit, f"{fault}: {still - start:.3f} s, load average {load:.1f}"
     return still
+
+
+def _limit(fault: str) -> float:
+    """Return how long after a fault the arm may move [s]; longer on a machine that is busy with other things."""
+    died = any(word in fault for word in ("killed", "hung"))
+    busy = os.getloadavg()[0] > BUSY_LOAD * (os.cpu_count() or 1)
+    return (DIED if died else KNOWN_AFTER.get(fault, 0.0) + BRAKES) + busy * BUSY
 
 
 @pytest.mark.skipif(CHROMIUM is None, reason="no Chromium on this machine")
@@ -286,9 +328,12 @@ def test_random_goals_move_nothing_or_end_in_one_line(tmp_path: Path) -> None:
         assert graph.healthy
 
 
-def _note(fault: str, seconds: float, metres: float, words: str) -> None:
+def _note(fault: str, seconds: float, metres: float, words: str, limit: float = math.inf, load: float = 0.0) -> None:
     OUT.parent.mkdir(exist_ok=True)
     found = json.loads(OUT.read_text()) if OUT.is_file() else {}
     found[fault] = {"standstill_s": round(seconds, 3), "way_m": round(metres, 4), "words": words}
     OUT.write_text(json.dumps(found, indent=1) + "\n")
-    print(f"{fault}: at rest after {seconds:.3f} s, {1000 * metres:.0f} mm: {words}")
+    print(
+        f"{fault}: at rest after {seconds:.3f} s (at most {limit:.2f} s, load average {load:.1f}), "
+        f"{1000 * metres:.0f} mm: {words}"
+    )

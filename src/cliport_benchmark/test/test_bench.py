@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from cliport_benchmark import bench, bench_page
-from cliport_benchmark.bench_planning import clutter_queries, search_times
+from cliport_benchmark.bench_planning import OTHERS, clutter_queries, search_times
 from cliport_benchmark.errors import BenchmarkError
 from cliport_benchmark.provenance import machine_line
 from panda_executor.config import SearchAlgorithm
@@ -87,6 +87,12 @@ def test_searches_begin_and_end_on_either_side_over_the_table() -> None:
 def test_searches_in_clutter_find_ways(algorithm: SearchAlgorithm) -> None:
     times, successes = search_times(algorithm, clutter_queries(1))
     assert len(times) == 1 and successes == 1
+
+
+@pytest.mark.parametrize("name", list(OTHERS))
+def test_other_planners_are_asked_the_same(name: str) -> None:
+    times, _ = search_times(SearchAlgorithm.RRT_CONNECT, clutter_queries(1), OTHERS[name])
+    assert len(times) == 1 and 0.0 < times[0] < 1e5
 
 
 class NoNews:

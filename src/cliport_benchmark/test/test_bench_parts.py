@@ -80,8 +80,9 @@ def test_the_rate_of_all_processes(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_the_share_of_searches_that_find_a_way(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(bench_planning, "clutter_queries", lambda count: list(range(count)))
-    monkeypatch.setattr(bench_planning, "search_times", lambda algorithm, queries: ([1.0] * len(queries), 3))
-    found = [(algorithm.value, [1.0] * 4, 75.0) for algorithm in SearchAlgorithm]
+    monkeypatch.setattr(bench_planning, "search_times", lambda _, queries, other=None: ([1.0] * len(queries), 3))
+    names = [algorithm.value for algorithm in SearchAlgorithm] + list(bench_planning.OTHERS)
+    found = [(name, [1.0] * 4, 75.0) for name in names]
     assert list(bench_planning.compared(4)) == found
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from dataclasses import fields
 from functools import partial
 
@@ -12,7 +11,6 @@ from rclpy.clock_type import ClockType
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import String
-from std_srvs.srv import Trigger
 
 from cliport_core import topics
 from cliport_core.action import ActionGoal
@@ -24,13 +22,14 @@ from cliport_core.ros_running import run_node
 from cliport_core.ros_spin_queue import SpinQueue
 from cliport_interfaces.msg import Heightmap as HeightmapMsg
 from cliport_interfaces.msg import PolicyStatus
-from cliport_interfaces.srv import ApprovePlan, LoadPolicy
+from cliport_interfaces.srv import LoadPolicy
 from cliport_policy.errors import PolicyError
+from cliport_policy.node_services import PersonServices
 from cliport_policy.policy import Policy, load_policy
 from cliport_policy.server.executor_link import ExecutorLink
 from cliport_policy.server.inference_worker import InferenceAnswer, InferenceWorker, use_threads
 from cliport_policy.server.logic import PolicyServer
-from cliport_policy.server.types import Answer, Moment, ServerConfig
+from cliport_policy.server.types import Moment, ServerConfig
 from cliport_policy.server.wording import one_line
 from cliport_policy.views import ProposalViews
 from panda_model.ros_parameters import declare_base_frame, declare_robot
@@ -67,13 +66,7 @@ class PolicyServerNode(Node):
         self.create_subscription(String, topics.INSTRUCTION, self._on_instruction, 10)
         self.create_subscription(HeightmapMsg, topics.HEIGHTMAP, self._on_heightmap, 2)
         hear_camera_complaints(self, self._server.on_complaint)
-        services: dict[str, Callable[[], Answer]] = {
-            topics.STOP: lambda: self._server.stop(self._now()),
-            topics.RESUME: self._server.resume,
-        }
-        for name, act in services.items():
-            self.create_service(Trigger, name, partial(_answer, act))
-        self.create_service(ApprovePlan, topics.APPROVE, self._on_approve)
+        PersonServices(self, self._server, self._executor_link, self._now)
         self.create_service(LoadPolicy, topics.LOAD_POLICY, self._on_load)
         # wall time: nothing may hang when simulated time stands still
         self.create_timer(TICK_S, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
@@ -93,10 +86,6 @@ class PolicyServerNode(Node):
 
     def _on_instruction(self, message: String) -> None:
         self._server.on_instruction(message.data, self._now())
-
-    def _on_approve(self, request: ApprovePlan.Request, response: ApprovePlan.Response) -> ApprovePlan.Response:
-        response.success, response.message = self._server.approve(str(request.plan_id), self._now())
-        return response
 
     def _check_instruction(self, instruction: str) -> None:
         self._policy.check_instruction(instruction)
@@ -158,11 +147,6 @@ class PolicyServerNode(Node):
     def start_inference(self, token: int, observation: HeightmapMsg, instruction: str) -> None:
         """Start an inference in the worker's thread."""
         self._worker.start(token, partial(heightmap_from_msg, observation), instruction)
-
-
-def _answer(act: Callable[[], Answer], _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-    response.success, response.message = act()
-    return response
 
 
 def main(args: list[str] | None = None) -> int:

@@ -24,6 +24,7 @@ from cliport_core.heightmap import Heightmap
 from cliport_core.messages import heightmap_to_msg
 from cliport_core.pose import PlanarPose
 from cliport_core.ros_action_server import ThreadedActionServer
+from cliport_core.ros_late_service import Give, LateService
 from cliport_core.workspace import WorkspaceSpec
 from cliport_interfaces.action import PickPlace
 from cliport_interfaces.msg import Heightmap as HeightmapMsg
@@ -91,9 +92,10 @@ class Graph:
         for name in ("pick", "place", "pick/raw", "place/raw"):
             keep = self._keeper(name)
             self.person.create_subscription(Image, f"/cliport/affordance/{name}", keep, 2)
-        self.person.create_service(Trigger, "/panda_executor/stop", self._on_stop, callback_group=group)
-        self.person.create_service(Trigger, "/panda_executor/resume", self._on_resume, callback_group=group)
-        self.person.create_service(ApprovePlan, "/panda_executor/approve", self._on_approve, callback_group=group)
+        self.answers = True  # False: the executor hangs, and its services are still discovered
+        LateService(self.person, Trigger, "/panda_executor/stop", self._on_stop)
+        LateService(self.person, Trigger, "/panda_executor/resume", self._on_resume)
+        LateService(self.person, ApprovePlan, "/panda_executor/approve", self._on_approve)
         self.services = {
             name: self.person.create_client(Trigger, f"/cliport/{name}", callback_group=group)
             for name in ("stop", "resume")
@@ -114,19 +116,19 @@ class Graph:
     def _keeper(self, name: str) -> Callable[[Image], None]:
         return lambda message: self.images.__setitem__(name, message)
 
-    def _on_stop(self, _: Any, response: Trigger.Response) -> Trigger.Response:
+    def _on_stop(self, _: Any, give: Give) -> None:
         self.stops += 1
-        response.success = True
-        return response
+        if self.answers:
+            give(True, "stopped")
 
-    def _on_resume(self, _: Any, response: Trigger.Response) -> Trigger.Response:
-        response.success = True
-        return response
+    def _on_resume(self, _: Any, give: Give) -> None:
+        if self.answers:
+            give(True, "goals are accepted")
 
-    def _on_approve(self, request: ApprovePlan.Request, response: ApprovePlan.Response) -> ApprovePlan.Response:
-        self.approved.append(request.plan_id)
-        response.success = True
-        return response
+    def _on_approve(self, request: ApprovePlan.Request, give: Give) -> None:
+        if self.answers:
+            self.approved.append(request.plan_id)
+            give(True, f"plan {request.plan_id} is approved")
 
     def _beat(self) -> None:
         if self.alive:

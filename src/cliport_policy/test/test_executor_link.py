@@ -9,6 +9,7 @@ import pytest
 pytest.importorskip("cliport_interfaces.msg")
 
 from action_msgs.msg import GoalStatus
+from std_srvs.srv import Trigger
 
 from cliport_core.action import ActionGoal, PickPlaceAction
 from cliport_core.outcome import Outcome
@@ -16,7 +17,7 @@ from cliport_core.pose import PlanarPose
 from cliport_interfaces.action import PickPlace
 from cliport_policy.server import executor_link
 from cliport_policy.server.executor_link import ExecutorLink
-from cliport_policy.server.types import Moment
+from cliport_policy.server.types import Answer, Moment
 
 POSE = PlanarPose(0.4, 0.1, 0.3)
 GOAL = ActionGoal(PickPlaceAction(POSE, POSE), "put it there", 7)
@@ -40,6 +41,9 @@ class Future:
     def result(self) -> Any:
         return self.value
 
+    def exception(self) -> None:
+        return None
+
 
 class Client:
     """An action's or a service's client that notes what it was asked."""
@@ -53,8 +57,10 @@ class Client:
 
     service_is_ready = server_is_ready
 
-    def call_async(self, request: Any) -> None:
+    def call_async(self, request: Any) -> Future:
         self.asked.append(request)
+        self.future = Future()
+        return self.future
 
     def send_goal_async(self, goal: Any, feedback_callback: Any) -> Future:
         self.asked.append(goal)
@@ -213,3 +219,30 @@ def test_a_service_is_called_where_it_is_there(action: Client, name: str) -> Non
     assert not getattr(link, name)() and len(client.asked) == 1
     assert node.warnings == [f"service {client.srv_name} is not there: is the executor running?"]
     assert all(not other.asked for other in node.clients.values() if other is not client)
+
+
+def test_who_asks_is_told_what_the_executor_answers_or_that_it_does_not(action: Client) -> None:
+    """A process that hangs is still discovered: what was sent to it is not what it does."""
+    node, wall = Node(), [3.0]
+    link = ExecutorLink(node, "base", lambda: Moment(wall[0], 4))  # type: ignore[arg-type]
+    told: list[Answer | None] = []
+    assert not link.when_answered(told.append), "it was asked nothing"
+    client = node.clients["/panda_executor/stop"]
+    for success, words in ((True, "stopped"), (False, "not now")):
+        assert link.stop() and link.when_answered(told.append)
+        wall[0] += 1.0
+        link.beat()
+        client.future.end(Trigger.Response(success=success, message=words))
+        assert told.pop() == (success, words)
+    assert link.stop() and link.when_answered(told.append)
+    wall[0] += 1.01
+    link.beat()
+    assert told == [None]
+    client.future.end(Trigger.Response(success=True))
+    assert told == [None], "it comes too late"
+    assert link.approve("1a2b")
+    node.clients["/panda_executor/approve"].future.end(None)
+    assert link.when_answered(told.append) and told == [None, None], "answered before somebody asked"
+    assert not link.when_answered(told.append), "each answer is told once"
+    client.ready = False
+    assert link.approve("1a2b") and not link.stop() and not link.when_answered(told.append)

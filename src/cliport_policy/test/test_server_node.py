@@ -84,6 +84,32 @@ def test_stop_cancels_latches_and_is_passed_on(graph: Callable[..., Graph]) -> N
     assert world.reaches(PolicyStatus.STATE_DONE)
 
 
+def test_an_executor_that_hangs_is_not_said_to_be_stopped(graph: Callable[..., Graph]) -> None:
+    world = graph(steps=1)
+    world.plan_id = "1a2b3c4d"
+    world.say("put the red blocks in the green bowl")
+    assert world.until(lambda: bool(world.statuses) and world.statuses[-1].proposal_id == "1a2b3c4d")
+    world.answers = False
+    began = time.monotonic()
+    answer = world.approve()
+    assert (answer.success, answer.message) == (
+        False,
+        "the executor did not answer: whether it runs the plan is not known",
+    )
+    assert time.monotonic() - began < 10.0
+    world.hold.set()
+    answer = world.call("stop")
+    assert not answer.success and "the executor did not answer; the arm may still move" in answer.message
+    assert world.until(lambda: world.statuses[-1].message == answer.message)
+    assert not world.call("resume").success
+    world.answers = True
+    assert world.call("stop").message == "stopped: call /cliport/resume to go on"
+    assert world.until(lambda: world.statuses[-1].message == "stopped: call /cliport/resume to go on")
+    answer = world.call("resume")
+    assert (answer.success, answer.message) == (True, "ready for an instruction")
+    world.approved.append("")  # its motion ends
+
+
 def test_approval_is_waited_for(graph: Callable[..., Graph]) -> None:
     world = graph(steps=1, require_approval=True)
     assert not world.approve("12ab34cd").success
@@ -102,7 +128,8 @@ def test_a_plan_that_waits_at_the_executor_is_approved_by_its_id(graph: Callable
     assert world.until(lambda: bool(world.statuses) and world.statuses[-1].proposal_id == "1a2b3c4d")
     assert world.statuses[-1].state == PolicyStatus.STATE_EXECUTING
     assert not world.approve("").success and not world.approved
-    assert world.approve().success
+    answer = world.approve()
+    assert (answer.success, answer.message) == (True, "plan 1a2b3c4d is approved")
     assert world.reaches(PolicyStatus.STATE_DONE)
     assert world.approved == ["1a2b3c4d"] and world.statuses[-1].proposal_id == ""
 

@@ -78,7 +78,7 @@ def read_parameters(node: Node) -> DriverParameters:
         settings,
         bool(get("gripper", True)),
         number("connect_timeout", 10.0, 1.0, 120.0),
-        number("heartbeat_timeout", 0.5, 0.1, 60.0),
+        number("heartbeat_timeout", 0.2, 0.1, 60.0),
         number("joint_state_rate", 200.0, 1.0, 1000.0),
         bool(get("publish_clock", False)),
     )

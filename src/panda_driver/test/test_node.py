@@ -133,7 +133,7 @@ def test_a_lost_heartbeat_stops_the_arm(bench: Bench) -> None:
     assert bench.client.wait(lambda: bench.arm.in_control, WAIT)
     beat.cancel()
     assert bench.client.wait(lambda: goal.end is not None, WAIT)
-    assert (goal.end, goal.words) == (End.ABORTED, "heartbeat lost: nothing from the executor for 0.5 s")
+    assert (goal.end, goal.words) == (End.ABORTED, "heartbeat lost: nothing from the executor for 0.2 s")
     assert bench.client.wait(lambda: not bench.arm.in_control, WAIT)
 
 

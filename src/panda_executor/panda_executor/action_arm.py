@@ -75,7 +75,8 @@ class ActionArm:
         except PortError:
             self._come_to_rest()  # the goal is cancelled; everything is, where the arm is not seen to rest then
             raise
-        return self._judged(end, self._come_to_rest())
+        # At rest for a moment, an arm whose goal may live on does not stand.
+        return self._judged(end, self._come_to_rest() and end.confirmed)
 
     def _check_alive(self, trajectory: JointTrajectory, began_ns: int, now_ns: int) -> None:
         """Raise PortError when the joint states stay the same although the path goes on."""

@@ -23,6 +23,7 @@ from panda_executor.work_pulse import WorkPulse
 _POLL = 0.01  # between two looks at should_stop [s]
 _ANSWER_TIME = 3.0  # for the server's answer to a goal, wall clock [s]
 _CANCEL_TIME = 1.0  # for a cancelled goal's end, wall clock [s]
+_GRACE = 0.1  # of that, until whoever watches this process is to cancel as well [s]
 _STANDSTILL = 5.0  # ROS time that does not move for so long, wall clock, will not move again [s]
 TIME_FACTOR = 1.2  # a motion may take so much longer than planned, and
 TIME_SPARE = 0.5  # this on top [s]
@@ -147,13 +148,20 @@ class ActionCaller:
         return None
 
     def _withdraw(self, mine: OwnedGoal) -> bool:
-        """Cancel the goal, and every goal where that one's end is not confirmed; return whether it has ended."""
+        """Cancel the goal, and every goal where that one's end is not confirmed; return whether it has ended.
+
+        After _GRACE the signs of work end, so that guard and driver stop the arm where the cancel is lost. They wait
+        for another 0.2 s by themselves, and by then an arm that heard the cancel has stopped.
+        """
+        began = time.monotonic()
         for cancel in (mine.cancel, self.cancel_all):
             cancel()
             deadline = time.monotonic() + _CANCEL_TIME
             while time.monotonic() < deadline:
-                if mine.ended.wait(_POLL):  # no beat: whoever hears none cancels from outside, which is wanted here
+                if mine.ended.wait(_POLL):
                     return True
+                if time.monotonic() - began > _GRACE:
+                    self._pulse.lapse()
         return False
 
     @staticmethod

@@ -54,7 +54,7 @@ class FrankaGripper:
         end = caller.call(goal, self._timeout, lambda: self._halt or should_stop())
         if end.status is not MotionStatus.SUCCEEDED:
             words = end.message or (str(end.result.error) if end.result is not None else "")
-            return GripperResult(float("nan"), False, False, end.status, words)
+            return GripperResult(float("nan"), False, False, end.status, words, end.confirmed)
         reached = self._settled_width(should_stop)
         off = reached - width
         if abs(off) <= _REACHED or (closes and off > 0.0):

@@ -50,7 +50,7 @@ class ActionGripper:
         goal = gripper_goal_to_msg(width, max_effort)
         end = self._caller.call(goal, TIME_FACTOR * _MOVE_TIME + TIME_SPARE, lambda: self._halt or should_stop())
         if end.result is None:
-            return GripperResult(float("nan"), False, False, end.status, end.message)
+            return GripperResult(float("nan"), False, False, end.status, end.message, end.confirmed)
         reported = self._factor * float(end.result.position)
         status, stalled = end.status, bool(end.result.stalled)
         if status is MotionStatus.ABORTED and (stalled or self._is_held(width, reported, should_stop)):

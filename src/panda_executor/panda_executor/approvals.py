@@ -56,15 +56,18 @@ class Approvals:
             return True, f"plan {plan_id} is approved"
 
     def wait(self, plan_id: str, should_stop: ShouldStop) -> None:
-        """Wait until the plan is approved, or a stop is asked for.
+        """Wait until the plan is approved: it may be executed where this returns, and only there.
 
         Raises:
-            RequestError: when nobody approved it in time.
+            RequestError: when nobody approved it in time, or before a stop was asked for.
         """
         deadline = self._clock() + self._seconds
         with self._changed:
             try:
-                while self._approved != plan_id and not should_stop():
+                while self._approved != plan_id:
+                    if should_stop():
+                        words = f"plan {plan_id} was not approved before a stop was asked for"
+                        raise RequestError(words, Refusal.NOT_APPROVED)
                     if self._clock() > deadline:
                         raise RequestError(
                             f"plan {plan_id} was not approved within {self._seconds:g} s (service "

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 from collections.abc import Callable
 
@@ -11,7 +12,8 @@ _POLL = 0.06  # a longer pause between two looks is this process's own: it blame
 class OwnerWatch:
     """Tells whether the owner of a goal lives; safe between threads.
 
-    Silence is counted in looks: while nobody looks, nobody falls silent.
+    Silence is counted in looks: while nobody looks, nobody falls silent. Who was silent for too long stays so until the
+    next goal begins: a late sign of life does not revive a goal that was told to end.
 
     Args:
         clock: steady time [s]; longest: silence of an owner that still lives [s].
@@ -24,9 +26,9 @@ class OwnerWatch:
         self._last_look = clock()
 
     def on_beat(self, owner: str) -> None:
-        """Note a sign of life."""
+        """Note a sign of life; it comes too late for an owner that was found silent."""
         with self._lock:
-            if owner in self._silence:
+            if self._silence.get(owner, math.inf) <= self.longest:
                 self._silence[owner] = 0.0
 
     def begin(self, owner: str) -> None:

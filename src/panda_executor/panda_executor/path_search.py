@@ -14,6 +14,7 @@ from panda_executor.errors import PlanningError
 from panda_executor.scene import Scene
 from panda_model.limits import ARM_DOF, FloatArray
 
+MakePlanner = Callable[[base.SpaceInformation], base.Planner]
 _RESOLUTION = 0.02  # between two configurations that are checked on a line [rad]
 
 # OMPL complains at each new seed that one was used before; the objects made after it do follow the new one.
@@ -36,6 +37,7 @@ def find_path(
     config: SearchConfig,
     clock: Callable[[], float] = time.monotonic,
     budget: Budget | None = None,
+    make_planner: MakePlanner | None = None,
 ) -> FloatArray:
     """Find waypoints (N, 7) [rad] from start to goal; the segments between them are valid at every 0.02 rad.
 
@@ -43,6 +45,7 @@ def find_path(
 
     Args:
         budget: of the whole request's planning.
+        make_planner: another planner of OMPL's than the configuration's, to compare them.
 
     Raises:
         PlanningError: when an end is not valid, or no path was found within the bounds.
@@ -55,7 +58,7 @@ def find_path(
             raise PlanningError(f"the motion cannot {name} there: {problem}")
     if line_is_free(scene, start, goal):
         return np.stack([start, goal])
-    path = _Search(scene, config, clock, budget, np.stack([start, goal])).solve(start, goal)
+    path = _Search(scene, config, clock, budget, np.stack([start, goal]), make_planner).solve(start, goal)
     budget.check()
     return path
 
@@ -68,8 +71,15 @@ class _Search:
     """
 
     def __init__(
-        self, scene: Scene, config: SearchConfig, clock: Callable[[], float], budget: Budget, ends: FloatArray
+        self,
+        scene: Scene,
+        config: SearchConfig,
+        clock: Callable[[], float],
+        budget: Budget,
+        ends: FloatArray,
+        make_planner: MakePlanner | None = None,
     ) -> None:
+        self._make_planner = make_planner
         util.RNG.setSeed(config.seed)
         self._scene, self._config, self._clock, self._budget = scene, config, clock, budget
         self._checks = 0
@@ -108,6 +118,8 @@ class _Search:
         return state
 
     def _planner(self) -> base.Planner:
+        if self._make_planner is not None:
+            return self._make_planner(self._information)
         if self._config.algorithm is SearchAlgorithm.RRT_CONNECT:
             planner = geometric.RRTConnect(self._information)
         else:

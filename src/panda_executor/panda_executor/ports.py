@@ -29,7 +29,8 @@ class MotionStatus(Enum):
 class MotionResult:
     """The end of one motion; the message says why when it did not succeed.
 
-    standing: whether the arm was measured at rest afterwards; where not, nothing else may be moved.
+    standing: whether the motion is known to be over and the arm was measured at rest afterwards; where not, nothing
+    else may be moved.
     """
 
     status: MotionStatus
@@ -42,7 +43,8 @@ class GripperResult:
     """The end of the fingers' motion.
 
     width: between the fingers [m]; stalled: stopped by something; reached_goal: at the width asked for; status tells a
-    gripper that could not move from one that was stopped by an object.
+    gripper that could not move from one that was stopped by an object; standing: whether the motion is known to be
+    over; where not, nothing else may be moved.
     """
 
     width: float
@@ -50,6 +52,7 @@ class GripperResult:
     reached_goal: bool
     status: MotionStatus = MotionStatus.SUCCEEDED
     message: str = ""
+    standing: bool = True
 
 
 class ArmPort(Protocol):

@@ -67,7 +67,7 @@ class RunCommands:
         on_plan: OnPlan = lambda motions: False,
     ) -> None:
         self._on_plan = on_plan
-        self._hand = hand or HandContent(config.missed_width)
+        self._hand = hand or HandContent(config.missed_width, config.hand.opening)
         self.moved = False
         self._share = 0.0  # of the whole action that is done
         self._arm, self._gripper, self._limits = arm, gripper, limits
@@ -99,7 +99,7 @@ class RunCommands:
         """Show a plan and wait until it may be executed; return True if the scene may have changed meanwhile.
 
         Raises:
-            RequestError: when nobody approved it in time.
+            RequestError: when nobody approved it in time, or before a stop was asked for.
             EarlyEnd: when a stop was asked for.
         """
         waited = self._on_plan(motions)
@@ -155,9 +155,7 @@ class RunCommands:
         result = self._arm.execute(trajectory, stop)
         phase = motion.phase.name.lower()
         if not result.standing:
-            outcome = Outcome.CANCELLED if self.should_stop() else Outcome.EXECUTION_FAILED
-            why = f": {result.message}" if result.message else ""
-            raise EarlyEnd(outcome, f"the arm was not seen to stand still after {phase}{why}; look before you go on")
+            raise self._unsure(f"the arm may still move after {phase}", result.message)
         if self.should_stop():
             raise EarlyEnd(Outcome.CANCELLED, f"cancelled during {phase}; the arm holds")
         if lost or (watch_load and self.has_lost()):
@@ -166,6 +164,12 @@ class RunCommands:
             return
         if result.status is not MotionStatus.SUCCEEDED:
             raise _failure(f"the arm's motion {result.status.value} during {phase}", result.status, result.message)
+
+    def _unsure(self, what: str, message: str) -> EarlyEnd:
+        """Return the end of a run after a motion that may not be over."""
+        outcome = Outcome.CANCELLED if self.should_stop() else Outcome.EXECUTION_FAILED
+        why = f": {message}" if message else ""
+        return EarlyEnd(outcome, f"{what}{why}; look before you go on")
 
     def _is_near(self, positions: FloatArray) -> bool:
         return float(np.abs(self.positions() - positions).max()) <= self.config.start_tolerance
@@ -197,6 +201,8 @@ class RunCommands:
             return
         self._hand.begin(width, load)
         result = self._gripper.move(width, effort, self.should_stop)
+        if not result.standing:
+            raise self._unsure("the fingers may still move", result.message)
         if width == 0.0 or result.status is MotionStatus.SUCCEEDED:  # also where closing failed around something
             self._hand.note(width, self._gripper.width())
         self.check_stop()
@@ -207,7 +213,8 @@ class RunCommands:
         """Open to `opening` [m], or until the fingers meet what is beside the object once it is free.
 
         Raises:
-            EarlyEnd: when a stop was asked for, or the object is still held.
+            EarlyEnd: when a stop was asked for, somebody else cancelled the motion, the fingers may still move, or the
+                object is still held.
         """
         held = self._gripper.width()
         # what is held may be wider than it was seen
@@ -216,7 +223,7 @@ class RunCommands:
             self.move_fingers(wide, self.config.open_force)
         except EarlyEnd as end:
             is_held = self._gripper.width() < held + _RELEASE_WIDENING / 2.0
-            if end.outcome is not Outcome.EXECUTION_FAILED or is_held:
+            if is_held or not end.may_recover:
                 raise
 
 

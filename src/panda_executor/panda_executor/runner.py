@@ -42,7 +42,7 @@ class PickPlaceRunner:
         self.planner = planner or TransferPlanner(model, config)
         self.config = config or self.planner.config
         self._arm, self._gripper = arm, gripper
-        self._hand = HandContent(self.config.missed_width)
+        self._hand = HandContent(self.config.missed_width, self.config.hand.opening)
         self._limits = self.config.motion_limits(model.limits)
 
     def run(

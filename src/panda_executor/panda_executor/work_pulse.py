@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 
@@ -33,6 +34,10 @@ class WorkPulse:
     def end(self) -> None:
         """Note that it is known to be over."""
         self._running = False
+
+    def lapse(self) -> None:
+        """Note that it did not end when it was told to: no sign of life until its end is known, or another begins."""
+        self._last = -math.inf
 
     def turn(self) -> None:
         """Note that the thread that delivers callbacks goes round; it is watched from the first call on."""

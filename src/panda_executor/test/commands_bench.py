@@ -58,7 +58,8 @@ class CommandBench:
         self.phases: list[tuple[Phase, float]] = []
         self.stops: Callable[[], bool] = lambda: False
         self.valid = True
-        self.hand = HandContent(CONFIG.missed_width)
+        self.hand = HandContent(CONFIG.missed_width, OPEN)
+        self.hand.note(OPEN, OPEN)  # it was open before
         self.validated: list[Any] = []
         self.commands = RunCommands(
             self.arm, self.gripper, CONFIG, PANDA.limits, self._on_phase, self._should_stop, self.hand, self._on_plan

@@ -59,7 +59,6 @@ class Bench:
 
 
 def runner_bench(planner: TransferPlanner, cloud: np.ndarray) -> Bench:
-    """Return a runner whose open hand closes on an object of 4 cm."""
-    arm, gripper = FakeArm(), FakeGripper(opening=0.02, object_width=0.0)
-    gripper.opening, gripper.object_width = 0.02, 0.04
+    """Return a runner whose closed hand opens, and closes on an object of 4 cm."""
+    arm, gripper = FakeArm(), FakeGripper(opening=0.0)
     return Bench(PickPlaceRunner(planner.model, planner, arm, gripper), arm, gripper, cloud, [])

@@ -109,6 +109,17 @@ def test_an_arm_that_goes_on_is_not_said_to_hold() -> None:
     assert bench.cancelled_all == 1
 
 
+@pytest.mark.parametrize("status", [MotionStatus.TIMED_OUT, MotionStatus.CANCELLED])
+def test_an_arm_whose_goal_may_live_on_does_not_stand(status: MotionStatus, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is measured at rest, but nobody said that the goal is over."""
+    bench = Bench(lambda time: 0.5)
+    words = "late; the cancel was not confirmed"
+    monkeypatch.setattr(bench, "call", lambda *_: ActionEnd(status, message=words, confirmed=False))
+    assert bench.execute() == MotionResult(status, words, standing=False)
+    monkeypatch.setattr(bench, "call", lambda *_: ActionEnd(status, message="late"))
+    assert bench.execute() == MotionResult(status, "late", standing=True)
+
+
 def test_joint_states_that_end_on_the_way_stop_the_arm() -> None:
     bench = Bench(lambda time: following(time) if time < 0.3 else None, ArmWatch(standstill_time=0.02))
     with pytest.raises(PortError, match=r"s old|have been the same"):

@@ -85,11 +85,13 @@ def test_opening_is_a_move_that_has_to_arrive() -> None:
     [
         (ActionEnd(MotionStatus.ABORTED, Grasp.Result(error="command failed")), "command failed"),
         (ActionEnd(MotionStatus.UNAVAILABLE, None, "no action server at /g/grasp"), "no action server at /g/grasp"),
+        (ActionEnd(MotionStatus.TIMED_OUT, None, "late", confirmed=False), "late"),
     ],
 )
 def test_a_grasp_that_failed_is_none_whatever_the_fingers_show(end: ActionEnd, words: str) -> None:
     result = Bench(chain([0.08], repeat(0.03)), end).gripper.move(0.0, 20.0, never)
     assert (result.status, result.message, math.isnan(result.width)) == (end.status, words, True)
+    assert result.standing is end.confirmed
 
 
 def test_old_joint_states_are_no_width(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -75,6 +75,15 @@ def test_what_was_stopped_is_no_grasp(status: MotionStatus) -> None:
     assert close(status, False, repeat(OBJECT)).status is status
 
 
+@pytest.mark.parametrize("confirmed", [True, False])
+def test_fingers_whose_goal_may_live_on_do_not_stand(confirmed: bool) -> None:
+    end = ActionEnd(MotionStatus.TIMED_OUT, message="late", confirmed=confirmed)
+    caller: Any = SimpleNamespace(call=lambda *_: end)
+    gripper = ActionGripper(caller, Fingers(repeat(OBJECT)), lambda: 0)  # type: ignore[arg-type]
+    ended = gripper.move(0.0, 20.0, lambda: False)
+    assert (ended.status, ended.message, ended.standing) == (MotionStatus.TIMED_OUT, "late", confirmed)
+
+
 def test_a_gripper_that_says_stalled_is_believed_and_only_then() -> None:
     assert close(MotionStatus.ABORTED, True, repeat(OBJECT), math.inf).status is MotionStatus.SUCCEEDED
     assert close(MotionStatus.ABORTED, False, repeat(OBJECT), math.inf).status is MotionStatus.ABORTED

@@ -50,6 +50,7 @@ class Bench:
         self.log: list[str] = []
         self.sent_at: float | None = None
         self.over = False
+        self.lapsed_at = 0.0
         self.asked: list[Any] = []
         monkeypatch.setattr(action_call, "ActionClient", lambda *args, **kwargs: self._note_client(args, kwargs))
         monkeypatch.setattr(action_call, "time", SimpleNamespace(monotonic=lambda: self.wall, sleep=self._sleep))
@@ -62,7 +63,7 @@ class Bench:
         )
         pulse: Any = SimpleNamespace(
             begin=lambda: self.log.append("begin"), beat=lambda: self.log.append("beat"),
-            end=lambda: self.log.append("end"),
+            end=lambda: self.log.append("end"), lapse=lambda: self._lapse(),
         )  # fmt: skip
         self.ended = Ended(self)
         self.caller = ActionCaller(self.node, "a type", NAME, "a group", pulse)  # type: ignore[arg-type]
@@ -87,6 +88,11 @@ class Bench:
     def _sleep(self, seconds: float) -> None:
         assert seconds == 0.01
         self.pass_time()
+
+    def _lapse(self) -> None:
+        if "lapse" not in self.log:
+            self.log.append("lapse")
+            self.lapsed_at = self.wall
 
     def pass_time(self) -> None:
         self.wall += POLL
@@ -275,7 +281,7 @@ def test_a_cancel_that_is_not_heard_is_followed_by_one_of_everything(bench: Benc
     end = bench.call(should_stop=lambda: bench.sent_at is not None and bench.passed >= 0.5)
     assert end == ActionEnd(MotionStatus.CANCELLED, "the result", "stopped on request", True)
     assert bench.passed == 1.5, "a second is left to the first"
-    assert bench.log[-3:] == ["cancel one", "cancel all", "end"]
+    assert bench.log[-4:] == ["cancel one", "lapse", "cancel all", "end"]
 
 
 def test_what_nobody_saw_end_leaves_no_sign_of_life(bench: Bench) -> None:
@@ -284,7 +290,20 @@ def test_what_nobody_saw_end_leaves_no_sign_of_life(bench: Bench) -> None:
     words = "stopped on request; the cancel was not confirmed"
     assert end == ActionEnd(MotionStatus.CANCELLED, None, words, False)
     assert bench.passed == 2.5
-    assert bench.log[-2:] == ["cancel one", "cancel all"], "neither a beat nor an end after them"
+    assert bench.log[-3:] == ["cancel one", "lapse", "cancel all"], "neither a beat nor an end after them"
+
+
+def test_whoever_watches_is_told_a_tenth_of_a_second_after_a_cancel_that_is_not_heard(bench: Bench) -> None:
+    bench.heeds = set()
+    bench.call(should_stop=lambda: bench.sent_at is not None and bench.passed >= 0.5)
+    assert bench.sent_at is not None
+    assert bench.lapsed_at - bench.sent_at == pytest.approx(0.5 + 0.1, abs=POLL)
+
+
+def test_an_arm_that_brakes_is_not_blamed_for_it(bench: Bench) -> None:
+    bench.heeds, bench.ends = set(), 0.5 + 0.09
+    bench.call(should_stop=lambda: bench.sent_at is not None and bench.passed >= 0.5)
+    assert "lapse" not in bench.log and bench.log[-1] == "end"
 
 
 def test_an_error_of_the_watch_cancels_too(bench: Bench) -> None:

@@ -13,7 +13,10 @@ from panda_model import load_preset
 
 @pytest.fixture
 def hand() -> HandContent:
-    return HandContent(0.005)
+    """A hand that was first measured open."""
+    hand = HandContent(0.005, 0.08)
+    assert not hand.holds(0.08)
+    return hand
 
 
 def test_the_width_tells_what_the_hand_holds(hand: HandContent) -> None:
@@ -24,6 +27,36 @@ def test_the_width_tells_what_the_hand_holds(hand: HandContent) -> None:
     assert not hand.holds(0.003)
     hand.note(0.06, 0.06)
     assert not hand.holds(0.06)
+
+
+@pytest.mark.parametrize(
+    ("width", "holds"), [(0.0, False), (0.0049, False), (0.005, True), (0.04, True), (0.0749, True), (0.0751, False)]
+)
+def test_what_the_fingers_held_before_the_start_is_not_dropped(width: float, holds: bool) -> None:
+    """An executor that was killed while it carried something, and started again, finds the fingers round it."""
+    hand = HandContent(0.005, 0.08)
+    assert hand.holds(width) is hand.holds(width) is holds
+    assert hand.load(width) is None, "its shape is unknown"
+    if not holds:
+        hand.check_empty(width)
+        assert not hand.holds(0.04), "only the first measured width tells"
+        return
+    with pytest.raises(RequestError, match=r"mm apart when the executor started.*call \S+open to let it go") as caught:
+        hand.check_empty(width)
+    assert (caught.value.refusal, caught.value.value) == (Refusal.HAND_NOT_EMPTY, width)
+    assert hand.has_lost(width + 0.0031) and not hand.holds(width + 0.0031), "somebody opened it"
+    hand.begin(0.08)
+    hand.note(0.08, 0.08)
+    hand.check_empty(width)
+
+
+def test_what_is_grasped_after_the_start_is_told_apart_from_what_was_held_before() -> None:
+    hand = HandContent(0.005, 0.08)
+    assert hand.holds(0.04)
+    hand.begin(0.0)
+    hand.note(0.0, 0.03)
+    with pytest.raises(RequestError, match="the hand still holds something 30 mm wide"):
+        hand.check_empty(0.03)
 
 
 def test_an_opening_that_did_not_happen_lets_nothing_go(hand: HandContent) -> None:

@@ -62,7 +62,7 @@ class Bench:
 @pytest.fixture
 def bench(planner: TransferPlanner) -> Bench:
     arm = FakeArm()
-    return Bench(PickPlaceRunner(planner.model, planner, arm, FakeGripper(opening=0.02)), arm)
+    return Bench(PickPlaceRunner(planner.model, planner, arm, FakeGripper(opening=0.0)), arm)
 
 
 def test_the_hand_goes_where_it_is_told(bench: Bench) -> None:
@@ -72,7 +72,7 @@ def test_the_hand_goes_where_it_is_told(bench: Bench) -> None:
     assert bench.phases == [Phase.VALIDATING, Phase.GRASP_PLANNING, Phase.CARRY, Phase.DONE]
     [[motion]], [trajectory] = bench.plans, bench.arm.sent
     assert np.array_equal(motion.trajectory.positions[-1], trajectory.positions[-1])
-    assert result.gripper_width == 0.02
+    assert result.gripper_width == 0.0
 
 
 def test_a_plan_alone_moves_nothing(bench: Bench) -> None:

@@ -61,7 +61,7 @@ def test_what_stands_beside_an_object_is_not_taken_for_it(workspace: WorkspaceSp
 @pytest.mark.parametrize("approved", [False, True])
 def test_a_small_shift_is_followed_unless_a_person_approved_the_plan(planner: TransferPlanner, approved: bool) -> None:
     arm = FakeArm()
-    runner = PickPlaceRunner(planner.model, planner, arm, FakeGripper(opening=0.02))
+    runner = PickPlaceRunner(planner.model, planner, arm, FakeGripper(opening=0.0))
     before, later = cloud_with_cube_at(0.0), cloud_with_cube_at(0.01, seed=1)
     clouds = iter([before, before])
     result = runner.run(
@@ -85,7 +85,7 @@ def test_a_small_shift_is_followed_unless_a_person_approved_the_plan(planner: Tr
     [(0.0, Outcome.SUCCEEDED), (0.01, Outcome.SUCCEEDED), (0.03, Outcome.GRASP_MISSED), (0.1, Outcome.GRASP_MISSED)],
 )
 def test_an_object_that_moved_is_looked_for_anew(planner: TransferPlanner, shift: float, outcome: Outcome) -> None:
-    arm, gripper = FakeArm(), FakeGripper(opening=0.02)
+    arm, gripper = FakeArm(), FakeGripper(opening=0.0)
     runner = PickPlaceRunner(planner.model, planner, arm, gripper)
     goal = ActionGoal(PickPlaceAction(PICK, PLACE))
     later = cloud_with_cube_at(shift, seed=1)

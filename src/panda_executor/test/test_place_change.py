@@ -23,7 +23,7 @@ def carried(
     planner: TransferPlanner, before: np.ndarray, later: np.ndarray
 ) -> tuple[ActionResult, FakeArm, FakeGripper]:
     """Return how a pick and place ended whose place looks as `later` shows when the arm has come there."""
-    arm, gripper = FakeArm(), FakeGripper(opening=0.02)
+    arm, gripper = FakeArm(), FakeGripper(opening=0.0)
     runner = PickPlaceRunner(planner.model, planner, arm, gripper)
     looks = iter((before, later))  # above the object, then above the place
     goal = ActionGoal(PickPlaceAction(PICK, PLACE))

@@ -34,7 +34,7 @@ class Bench:
     """A runner that goes back after failures as `rule` says."""
 
     def __init__(self, planner: TransferPlanner, cloud: np.ndarray, rule: AfterFailure) -> None:
-        self.arm, self.gripper, self.cloud = FakeArm(), FakeGripper(opening=0.02), cloud
+        self.arm, self.gripper, self.cloud = FakeArm(), FakeGripper(opening=0.0), cloud
         config = replace(planner.config, after_failure=rule)
         self.runner = PickPlaceRunner(planner.model, planner, self.arm, self.gripper, config)
         self.stop = False
@@ -119,7 +119,7 @@ def test_what_a_failing_gripper_holds_is_not_forgotten(
 ) -> None:
     """It closed round the object and aborted, or did not open: the next goal used to drop the object from above."""
     bench = Bench(planner, table_cloud, AfterFailure.KEEP)
-    gripper = StubbornGripper(opening=0.02)
+    gripper = StubbornGripper(opening=0.0)
     gripper.at = at
     bench.gripper = gripper
     bench.runner = PickPlaceRunner(planner.model, planner, bench.arm, gripper, bench.runner.config)
@@ -133,7 +133,7 @@ def test_what_a_failing_gripper_holds_is_not_forgotten(
 
 def test_a_miss_is_told_with_what_failed_after_it(planner: TransferPlanner, table_cloud: np.ndarray) -> None:
     bench = Bench(planner, table_cloud, AfterFailure.KEEP)
-    gripper = StubbornGripper(opening=0.02, object_width=0.0)
+    gripper = StubbornGripper(opening=0.0, object_width=0.0)
     gripper.at = 2
     bench.runner = PickPlaceRunner(planner.model, planner, bench.arm, gripper, bench.runner.config)
     result = bench.run()
@@ -260,7 +260,25 @@ def test_an_approval_expires() -> None:
 def test_a_stop_ends_the_wait_for_an_approval() -> None:
     approvals = Approvals(1e9)
     approvals.offer("b")
-    approvals.wait("b", lambda: True)
+    with pytest.raises(RequestError, match="plan b was not approved before a stop was asked for") as caught:
+        approvals.wait("b", lambda: True)
+    assert caught.value.refusal is Refusal.NOT_APPROVED
+    assert approvals.approve("b") == (False, "no plan waits for approval")
+
+
+def test_a_stop_that_is_taken_back_does_not_approve_a_plan(planner: TransferPlanner, table_cloud: np.ndarray) -> None:
+    """Whoever asks for a stop while the plan waits may not ask any more when the first motion is sent."""
+    bench = Bench(planner, table_cloud, AfterFailure.KEEP)
+    approvals, stops = Approvals(1e9), [False, True, False]
+
+    def wait(_: object) -> bool:
+        approvals.offer("b")
+        approvals.wait("b", lambda: stops.pop(0))
+        return True
+
+    result = bench.runner.run(GOAL, table_cloud, WorkspaceSpec(), on_plan=wait)
+    assert (result.outcome, result.refusal) == (Outcome.REJECTED, Refusal.NOT_APPROVED)
+    assert bench.arm.sent == [] and bench.gripper.moves == []
 
 
 def test_a_plan_that_nobody_approves_moves_nothing(planner: TransferPlanner, table_cloud: np.ndarray) -> None:

@@ -28,7 +28,7 @@ def scene(shift: float = 0.0, wall: Cube | None = None) -> np.ndarray:
 
 def approved(planner: TransferPlanner, action: PickPlaceAction, before: np.ndarray, after: np.ndarray) -> ActionResult:
     """Run an action whose scene changes while a person decides."""
-    arm, gripper = FakeArm(), FakeGripper(opening=0.02)
+    arm, gripper = FakeArm(), FakeGripper(opening=0.0)
     clouds = iter([before, after])
     runner = PickPlaceRunner(planner.model, planner, arm, gripper)
     result = runner.run(ActionGoal(action), lambda: next(clouds), WorkspaceSpec(), on_plan=lambda motions: True)
@@ -72,7 +72,7 @@ def test_a_camera_that_stopped_meanwhile_moves_nothing(planner: TransferPlanner)
             return found
         raise RequestError("the point cloud is 9.0 s old", Refusal.OLD_CLOUD)
 
-    runner = PickPlaceRunner(planner.model, planner, arm, FakeGripper(opening=0.02))
+    runner = PickPlaceRunner(planner.model, planner, arm, FakeGripper(opening=0.0))
     result = runner.run(ActionGoal(PICK_PLACE), cloud, WorkspaceSpec(), on_plan=lambda motions: True)
     assert (result.outcome, result.refusal, arm.sent) == (Outcome.REJECTED, Refusal.OLD_CLOUD, [])
 
@@ -85,7 +85,7 @@ def test_a_stop_while_a_cloud_is_waited_for_is_a_cancel(planner: TransferPlanner
         stops.append(True)
         raise RequestError("the point cloud is 9.0 s old", Refusal.OLD_CLOUD)
 
-    runner = PickPlaceRunner(planner.model, planner, FakeArm(), FakeGripper(opening=0.02))
+    runner = PickPlaceRunner(planner.model, planner, FakeArm(), FakeGripper(opening=0.0))
     result = runner.run(ActionGoal(PICK_PLACE), cloud, WorkspaceSpec(), should_stop=lambda: bool(stops))
     assert (result.outcome, result.refusal) == (Outcome.CANCELLED, Refusal.NONE)
     assert result.message.startswith("cancelled; nothing moved")

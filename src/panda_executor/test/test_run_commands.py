@@ -66,7 +66,7 @@ def test_an_arm_that_is_not_seen_to_rest_is_said(
     monkeypatch.setattr(bench.arm, "execute", execute)
     end = bench.fails()
     assert end.outcome is (Outcome.CANCELLED if stop else Outcome.EXECUTION_FAILED)
-    assert str(end) == f"the arm was not seen to stand still after carry{why}; look before you go on"
+    assert str(end) == f"the arm may still move after carry{why}; look before you go on"
     assert not end.may_recover
 
 

@@ -62,7 +62,7 @@ def _played(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def make(config: ExecutorConfig | None = None) -> tuple[PickPlaceRunner, FakeArm, FakeGripper]:
-    arm, gripper = FakeArm(), FakeGripper(opening=0.06)
+    arm, gripper = FakeArm(), FakeGripper()
     model: Any = SimpleNamespace(limits=LIMITS)
     planner: Any = SimpleNamespace(config=CONFIG)
     return PickPlaceRunner(model, planner, arm, gripper, config), arm, gripper
@@ -94,7 +94,7 @@ def test_a_goal_is_run_with_all_that_came_with_it() -> None:
     with pytest.raises(Exception, match="cancelled"):
         commands.offer([])
     assert plans == [[]]
-    assert commands.width() == 0.06 and gripper.moves == []
+    assert commands.width() == 0.08 and gripper.moves == []
     np.testing.assert_array_equal(commands.positions(), arm.positions)
     wanted = CONFIG.motion_limits(LIMITS)
     np.testing.assert_array_equal(commands._limits.velocity, wanted.velocity)

@@ -37,7 +37,13 @@ def test_an_owner_is_silent_after_longer_than_it_may_be() -> None:
         told.append(owners.is_silent("a"))
     assert told == [False] * 4 + [True] * 2
     owners.on_beat("a")
-    assert not owners.is_silent("a")
+    assert owners.is_silent("a"), "a late sign does not revive a goal that was told to end"
+    owners.begin("a")
+    clock.now += 3.0 * STEP
+    owners.is_silent("a")
+    owners.on_beat("a")
+    clock.now += 2.0 * STEP
+    assert not owners.is_silent("a"), "one in time does, and the next goal begins anew"
 
 
 def test_a_long_pause_between_two_looks_counts_as_a_short_one() -> None:
@@ -87,6 +93,18 @@ def test_a_goal_that_runs_must_be_looked_at() -> None:
     assert not pulse.is_alive()
     pulse.end()
     assert pulse.is_alive()
+
+
+def test_a_goal_that_does_not_end_when_it_is_told_to_is_not_watched() -> None:
+    clock = Clock()
+    pulse = WorkPulse(clock, 0.25)
+    pulse.begin()
+    pulse.lapse()
+    assert not pulse.is_alive()
+    pulse.end()
+    assert pulse.is_alive(), "it is over"
+    pulse.begin()
+    assert pulse.is_alive(), "another one"
 
 
 def test_a_goal_whose_end_nobody_can_hear_is_not_watched() -> None:

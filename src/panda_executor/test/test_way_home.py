@@ -34,7 +34,7 @@ def column_at_the_forearm(planner: TransferPlanner, positions: FloatArray, aside
 
 def test_what_stands_beside_the_arm_stays_on_the_way_home(planner: TransferPlanner) -> None:
     """It was taken for the arm itself, which stood elsewhere when the cloud was taken."""
-    arm, gripper = FakeArm(), FakeGripper(opening=0.02, object_width=0.0)
+    arm, gripper = FakeArm(), FakeGripper(opening=0.0, object_width=0.0)
     cloud = seen_cloud(cube_points(Cube(0.45, 0.1, 0.3)), bowl_points(Bowl(0.5, -0.2)))
     runner = PickPlaceRunner(planner.model, planner, arm, gripper)
     seen_at: list[np.ndarray] = []

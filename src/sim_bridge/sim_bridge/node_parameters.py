@@ -48,7 +48,7 @@ class SimParameters:
     joint_state_rate: float = 50.0
     clock_rate: float = 50.0
     real_time_factor: float = 1.0
-    heartbeat_timeout: float = 0.5
+    heartbeat_timeout: float = 0.2
     franka_quirks: bool = True
     grasp_epsilon_inner: float = FRANKA_EPSILON
     grasp_epsilon_outer: float = FRANKA_EPSILON

@@ -273,7 +273,7 @@ def test_the_nodes_parameters_and_their_limits() -> None:
     assert values == {
         "task": "put-blocks-in-bowls-seen-colors", "split": "test", "seed": 0, "instruction": "",
         "camera_rate": 5.0, "joint_state_rate": 50.0, "clock_rate": 50.0, "real_time_factor": 1.0,
-        "heartbeat_timeout": 0.5, "franka_quirks": True, "grasp_epsilon_inner": 0.005, "grasp_epsilon_outer": 0.005,
+        "heartbeat_timeout": 0.2, "franka_quirks": True, "grasp_epsilon_inner": 0.005, "grasp_epsilon_outer": 0.005,
         "hand_fault": "", "mirror": "",
         "trajectory_log": "", "render_threads": 0, "robot": "panda", "base_frame": "panda_link0",
         "camera_mounting": "", "camera_kind": "plain", "camera_frame": "camera_color_optical_frame",

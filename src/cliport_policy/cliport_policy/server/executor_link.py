@@ -11,6 +11,7 @@ from action_msgs.msg import GoalStatus
 from rclpy.action import ActionClient
 from rclpy.action.client import ClientGoalHandle
 from rclpy.node import Node
+from rclpy.task import Future
 from std_msgs.msg import Empty, String
 from std_srvs.srv import Trigger
 
@@ -20,7 +21,37 @@ from cliport_core.messages import goal_to_msg, result_from_msg
 from cliport_interfaces.action import PickPlace
 from cliport_interfaces.srv import ApprovePlan
 from cliport_policy.server.logic import PolicyServer
-from cliport_policy.server.types import Moment
+from cliport_policy.server.types import Answer, Moment
+
+_ANSWER_TIME = 1.0  # for the executor's answer to a service call, wall clock [s]
+
+
+class _Question:
+    """A service call to the executor, over once it is answered, or given up at `deadline` (wall clock [s])."""
+
+    def __init__(self, deadline: float) -> None:
+        self.deadline, self.over = deadline, False
+        self._answer: Answer | None = None
+        self._then: Callable[[Answer | None], None] | None = None
+
+    def wait(self, then: Callable[[Answer | None], None]) -> None:
+        """Call `then` with the answer once it is over."""
+        self._then = then
+        if self.over:
+            then(self._answer)
+
+    def on_done(self, future: Future) -> None:
+        """Take the service's response."""
+        response = None if future.exception() is not None else future.result()
+        self.end(None if response is None else Answer(bool(response.success), str(response.message)))
+
+    def end(self, answer: Answer | None) -> None:
+        """Take the answer, None where there is none."""
+        if self.over:
+            return
+        self.over, self._answer = True, answer
+        if self._then is not None:
+            self._then(answer)
 
 
 class ExecutorLink:
@@ -38,6 +69,8 @@ class ExecutorLink:
         self._stop = node.create_client(Trigger, topics.EXECUTOR_STOP)
         self._resume = node.create_client(Trigger, topics.EXECUTOR_RESUME)
         self._approve = node.create_client(ApprovePlan, topics.EXECUTOR_APPROVE)
+        self._asked: _Question | None = None  # what was asked last, until somebody wants its answer
+        self._questions: list[_Question] = []
         node.create_subscription(Empty, topics.HEARTBEAT, self._on_heartbeat, 10)
 
     def attach(self, server: PolicyServer) -> None:
@@ -45,8 +78,16 @@ class ExecutorLink:
         self._server = server
 
     def beat(self) -> None:
-        """Give a sign of life, without which the executor stops what this server asked for; call often (20 Hz)."""
+        """Give a sign of life, without which the executor stops what this server asked for; call often (20 Hz).
+
+        Who waits for an answer of the executor for too long is told here.
+        """
         self._beats.publish(String(data=self._owner))
+        now = self._now().wall
+        for question in self._questions:
+            if now > question.deadline:
+                question.end(None)
+        self._questions = [question for question in self._questions if not question.over]
 
     def is_ready(self) -> bool:
         """Return True if the action server is there."""
@@ -76,9 +117,23 @@ class ExecutorLink:
         """Ask the executor to run its plan of that id; return whether that service is there."""
         return self._call(self._approve, ApprovePlan.Request(plan_id=plan_id))
 
+    def when_answered(self, then: Callable[[Answer | None], None]) -> bool:
+        """Call `then` once with the executor's answer to what it was asked last: None where it gives none in 1 s.
+
+        Return False, and do not call it, where the executor was asked nothing since the last time.
+        """
+        asked, self._asked = self._asked, None
+        if asked is None:
+            return False
+        asked.wait(then)
+        return True
+
     def _call(self, client: Any, request: Any) -> bool:
+        self._asked = None
         if client.service_is_ready():
-            client.call_async(request)
+            self._asked = _Question(self._now().wall + _ANSWER_TIME)
+            self._questions.append(self._asked)
+            client.call_async(request).add_done_callback(self._asked.on_done)
             return True
         self._node.get_logger().warning(f"service {client.srv_name} is not there: is the executor running?")
         return False

@@ -19,7 +19,16 @@ from cliport_policy.errors import PolicyError
 from cliport_policy.inference import Inference, NullAction
 from cliport_policy.server.goal_tracker import GoalPhase, GoalTracker
 from cliport_policy.server.types import BUSY, TRY_AGAIN, Answer, ExecutorPort, Moment, ServerConfig, ServerEffects
-from cliport_policy.server.wording import NOT_RESUMED, NOT_TOLD, STOPPED, ended_words, excerpt, one_line, unseen_words
+from cliport_policy.server.wording import (
+    NOT_RESUMED,
+    NOT_TOLD,
+    STOPPED,
+    ended_words,
+    excerpt,
+    one_line,
+    stop_answer,
+    unseen_words,
+)
 
 _CLOCK_RESET_NS = 10_000_000_000  # ROS time this far before what was waited for has been set back
 
@@ -118,6 +127,13 @@ class PolicyServer:
         words = STOPPED if told else f"{STOPPED}; but {NOT_TOLD}"
         self._enter(PolicyState.IDLE, words)
         return Answer(told, words)
+
+    def confirm_stop(self, answer: Answer | None) -> Answer:
+        """Return what to say to who asked for a stop, once the executor answered; None: it did not."""
+        confirmed = stop_answer(answer)
+        if self._stopped and not confirmed.success:
+            self._enter(PolicyState.IDLE, confirmed.message)
+        return confirmed
 
     def resume(self) -> Answer:
         """End a stop; the next instruction is acted on again. No success where the executor was not told."""

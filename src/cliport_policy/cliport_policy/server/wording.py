@@ -3,11 +3,24 @@
 from __future__ import annotations
 
 from cliport_core import topics
+from cliport_policy.server.types import Answer
 
 STOPPED = f"stopped: call {topics.RESUME} to go on"
 NOT_TOLD = f"the arm was not told: {topics.EXECUTOR_STOP} is not there; use its own stop if it moves"
 NOT_RESUMED = f"the executor was not told: {topics.EXECUTOR_RESUME} is not there; call that one when it is"
+STOP_UNHEARD = "the executor did not answer; the arm may still move: use its own stop"
+RESUME_UNHEARD = f"the executor did not answer: it may still be stopped; call {topics.EXECUTOR_RESUME} when it does"
+APPROVAL_UNHEARD = "the executor did not answer: whether it runs the plan is not known"
 _SHOWN = 60  # characters of what is no instruction
+
+
+def stop_answer(confirmed: Answer | None) -> Answer:
+    """Return what to say to who asked for a stop. confirmed: the executor's answer to its own; None: it gave none."""
+    if confirmed is None:
+        return Answer(False, f"{STOPPED}; but {STOP_UNHEARD}")
+    if not confirmed.success:
+        return Answer(False, f"{STOPPED}; but the executor says: {one_line(confirmed.message)}")
+    return Answer(True, STOPPED)
 
 
 def ended_words(instruction: str, was_busy: bool) -> str:
