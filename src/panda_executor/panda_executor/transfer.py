@@ -235,24 +235,31 @@ class TransferPlanner:
         """Return the plan for where a later cloud (N, 3) [m] shows the object, the arm above it.
 
         Where it went a little, the way down to it and up from it are planned anew from where they began: the other
-        motions stay as they are. So does all of it if `follow` is False, as for a plan that a person approved.
+        motions stay as they are.
+
+        Args:
+            follow: whether the plan may be changed; False for one that a person approved.
 
         Raises:
-            PlanningError: when it went too far, or no straight way down to it is free.
+            PlanningError: when it went too far, or at all where it may not be followed; when no straight way down to it
+                is free.
             TrajectoryError: when the way up does not pass.
         """
         moved = moved_problem(cloud, plan.grasp, self.config.moved_share)
         if moved is not None:
             raise PlanningError(moved)
         by = np.array([*seen_shift(cloud, plan.grasp), 0.0])
-        if not follow or float(np.linalg.norm(by)) < self.config.follow_from:
+        far = float(np.linalg.norm(by))
+        if far < self.config.follow_from:
             return plan
+        if not follow:
+            raise PlanningError(f"the object moved by {1e3 * far:.0f} mm, and what a person approved is not changed")
         trajectory = plan.descend.trajectory
         planned = self.model.tcp_pose(trajectory.end)
         goal = Pose(planned.rotation, planned.translation + by)
         descend = self.motions.straight(Phase.DESCEND, trajectory.positions[0], goal, plan.descend.scene)
         if descend is None:
-            raise PlanningError(f"the object went by {1e3 * float(np.linalg.norm(by)):.0f} mm, to where no way is free")
+            raise PlanningError(f"the object went by {1e3 * far:.0f} mm, to where no way is free")
         raise_up = self.motions.reversed(Phase.RAISE, descend, plan.raise_up.scene)
         grasp = replace(plan.grasp, centroid=plan.grasp.centroid + by)
         return replace(plan, grasp=grasp, descend=descend, raise_up=raise_up)
