@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import itertools
-
 import numpy as np
 import numpy.typing as npt
+from scipy import ndimage
 
 from panda_executor.grasp import Grasp
 from panda_model.limits import FloatArray
 
 _GONE_BELOW = 0.5  # a cell whose highest point is lower than this share of the object is vacated
 _MIN_CELLS = 20  # of the object that must be seen; fewer prove nothing
-_REACH = 0.02  # how far an object is followed, along x and y each [m]
-_AS_GOOD = 0.03  # of two shifts that explain so nearly the same share of the cells, the shorter one is taken
+_REACH = 0.02  # within this an object is followed, along x and y each [m]
+_AS_GOOD = 0.03  # of two shifts that explain so nearly the same share of the cells, none is better
 _ABOVE_TOP = 0.02  # what is seen so far above the object is the hand [m]
 
 
@@ -38,12 +37,14 @@ def vacated_share(cloud: npt.NDArray[np.float32], grasp: Grasp) -> float:
     return float((tops[seen] < _limit(grasp)).mean())
 
 
-def seen_shift(cloud: npt.NDArray[np.float32], grasp: Grasp) -> FloatArray:
-    """Return how far the object went, (2,) [m, base frame], as a later cloud (N, 3) shows; 2 cm along x and y at most.
+def seen_shift(cloud: npt.NDArray[np.float32], grasp: Grasp) -> FloatArray | None:
+    """Return how far the object went, (2,) [m, base frame], as a later cloud (N, 3) shows; None for 2 cm or more.
 
-    The shift that puts most of the object's cells onto what is as high as it, and fewest onto lower ground. The
-    shortest of those that are as good, and none where less than half of the object's place is seen: what stands beside
-    it would be taken for it.
+    Looked for is the shift, of less than 2 cm along x and y each, that puts most of the object's cells onto what is as
+    high as it, and fewest onto lower ground. Where several do, as part of the ground is hidden, it is the middle of
+    those around the shortest of them. None where these go on to the border of what is searched, and zero where they
+    come from no shift at all: such an object is longer than what is looked at. Zero, too, where less than half of the
+    object's place is seen: what stands beside it would be taken for it.
     """
     border = round(_REACH / grasp.cell)
     highest, own = _highest(cloud, grasp, border)
@@ -51,10 +52,16 @@ def seen_shift(cloud: npt.NDArray[np.float32], grasp: Grasp) -> FloatArray:
     votes = np.where(np.isfinite(highest) & known, np.where(highest >= _limit(grasp), 1, -1), 0)
     if np.count_nonzero(votes[own[:, 1], own[:, 0]]) < len(own) / 2:
         return np.zeros(2)
-    steps = sorted(itertools.product(range(-border, border + 1), repeat=2), key=lambda s: (s[0] ** 2 + s[1] ** 2, s))
-    scores = np.array([votes[own[:, 1] + dy, own[:, 0] + dx].sum() for dx, dy in steps])
-    first = int(np.argmax(scores >= scores.max() - _AS_GOOD * len(own)))
-    return np.array(steps[first], dtype=np.float64) * grasp.cell
+    steps = range(-border, border + 1)
+    scores = np.array([[votes[own[:, 1] + dy, own[:, 0] + dx].sum() for dx in steps] for dy in steps])
+    good = scores >= scores.max() - _AS_GOOD * len(own)
+    rows, cols = np.nonzero(good) - np.array(border)
+    shortest = int(np.argmin(rows**2 + cols**2))
+    parts, _ = ndimage.label(good, np.ones((3, 3)))
+    rows, cols = np.nonzero(parts == parts[rows[shortest] + border, cols[shortest] + border]) - np.array(border)
+    if max(np.abs(rows).max(), np.abs(cols).max()) < border:
+        return np.array([cols.mean(), rows.mean()]) * grasp.cell
+    return np.zeros(2) if ((rows == 0) & (cols == 0)).any() else None
 
 
 def _highest(cloud: npt.NDArray[np.float32], grasp: Grasp, border: int) -> tuple[FloatArray, npt.NDArray[np.int64]]:

@@ -248,7 +248,10 @@ class TransferPlanner:
         moved = moved_problem(cloud, plan.grasp, self.config.moved_share)
         if moved is not None:
             raise PlanningError(moved)
-        by = np.array([*seen_shift(cloud, plan.grasp), 0.0])
+        shift = seen_shift(cloud, plan.grasp)
+        if shift is None:
+            raise PlanningError("the object moved by 2 cm or more")
+        by = np.array([*shift, 0.0])
         far = float(np.linalg.norm(by))
         if far < self.config.follow_from:
             return plan

@@ -86,7 +86,7 @@ def test_a_small_shift_is_followed(planner: TransferPlanner) -> None:
     result, arm = run(planner, before, cloud_with_cube_at(0.01, seed=1))
     assert result.outcome is Outcome.SUCCEEDED, result.message
     planned = plan_grasps(before, PICK, WorkspaceSpec())[0].centroid
-    np.testing.assert_allclose(result.grasp_centroid, planned + (0.0, 0.01, 0.0), atol=0.003)
+    np.testing.assert_allclose(result.grasp_centroid, planned + np.array([0.0, 0.01, 0.0]), atol=0.003)
     down, up = arm.sent[1], arm.sent[2]
     np.testing.assert_allclose(planner.model.tcp_pose(down.end).translation[:2], result.grasp_centroid[:2], atol=1e-4)
     np.testing.assert_allclose(up.end, down.positions[0], atol=1e-6)
@@ -116,3 +116,26 @@ def test_an_object_that_moved_is_looked_for_anew(planner: TransferPlanner, shift
     np.testing.assert_allclose(arm.positions, load_preset().ready, atol=1e-6)
     if outcome is Outcome.GRASP_MISSED:
         check_looked_for_anew(planner, result, arm)
+
+
+@pytest.mark.parametrize("way", [(1.0, 0.0), (0.0, -1.0), (0.7, 0.7)])
+@pytest.mark.parametrize("far", [0.01, 0.02, 0.03, 0.034, 0.05])
+def test_a_wide_object_is_grasped_at_its_middle_or_looked_for_anew(
+    planner: TransferPlanner, workspace: WorkspaceSpec, far: float, way: tuple[float, float]
+) -> None:
+    """Much of its place is still full where it moved by 3 cm."""
+    x, y = far * np.array(way)
+    bowl = bowl_points(Bowl(0.5, -0.2))
+    before, later = (
+        seen_cloud(cube_points(Cube(0.45 + dx, 0.1 + dy, 0.3, (WIDE, WIDE, 0.04))), bowl, seed=seed)
+        for seed, (dx, dy) in enumerate([(0.0, 0.0), (x, y)])
+    )
+    result, arm = run(planner, before, later)
+    if result.outcome is Outcome.SUCCEEDED:
+        planned = plan_grasps(before, PICK, workspace)[0].centroid[:2]
+        reached = planner.model.tcp_pose(arm.sent[1].end).translation[:2]
+        np.testing.assert_allclose(reached, planned + np.array([x, y]), atol=0.003)
+    else:
+        check_looked_for_anew(planner, result, arm)
+    if far != 0.02:  # which is where following ends
+        assert (result.outcome is Outcome.SUCCEEDED) == (far < 0.02)
