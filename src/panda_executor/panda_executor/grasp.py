@@ -18,6 +18,7 @@ from panda_executor.jaws import Hold, JawConfig, Jaws
 from panda_executor.seen_object import SeenObject, find_object
 from panda_model import FloatArray, HandModel
 
+OWN_MARGIN = 0.008  # around an object's cells: its blurred edge in the cloud [m]
 _SUPPORT_TOLERANCE = 0.005  # tolerance under a standing object [m]
 
 

@@ -55,10 +55,11 @@ def seen_shift(cloud: npt.NDArray[np.float32], grasp: Grasp) -> FloatArray | Non
     steps = range(-border, border + 1)
     scores = np.array([[votes[own[:, 1] + dy, own[:, 0] + dx].sum() for dx in steps] for dy in steps])
     good = scores >= scores.max() - _AS_GOOD * len(own)
-    rows, cols = np.nonzero(good) - np.array(border)
+    rows, cols = np.array(np.nonzero(good)) - border
     shortest = int(np.argmin(rows**2 + cols**2))
     parts, _ = ndimage.label(good, np.ones((3, 3)))
-    rows, cols = np.nonzero(parts == parts[rows[shortest] + border, cols[shortest] + border]) - np.array(border)
+    around = parts == parts[rows[shortest] + border, cols[shortest] + border]
+    rows, cols = np.array(np.nonzero(around)) - border
     if max(np.abs(rows).max(), np.abs(cols).max()) < border:
         return np.array([cols.mean(), rows.mean()]) * grasp.cell
     return np.zeros(2) if ((rows == 0) & (cols == 0)).any() else None

@@ -17,7 +17,7 @@ from cliport_core.workspace import WorkspaceSpec
 from panda_executor.budget import Budget
 from panda_executor.config import ExecutorConfig
 from panda_executor.errors import BudgetSpentError, ExecutorError, PlanningError
-from panda_executor.grasp import Grasp, plan_grasps
+from panda_executor.grasp import OWN_MARGIN, Grasp, plan_grasps
 from panda_executor.hand_geometry import HandShape
 from panda_executor.ik import HandDownIk, hand_down_pose
 from panda_executor.model import PandaModel
@@ -31,7 +31,6 @@ from panda_executor.scene import Scene, add_table, place_camera
 from panda_executor.transfer_attempts import PickPlacePlan, TransferAttempts
 from panda_model.limits import FloatArray
 
-_OWN_MARGIN = 0.008  # around the grasped object's cells: its blurred edge in the cloud [m]
 _HAND_MARGIN = 0.015  # columns this near to the hand where it stands are the hand, or let it go [m]
 _CAMERA_STILL = 1e-4  # a camera that moved less stands where it stood [m]
 
@@ -198,7 +197,7 @@ class TransferPlanner:
     ) -> Iterator[Callable[[], PickPlacePlan]]:
         """Yield every grasp either way round, then each once more, from everywhere."""
         for grasp in grasps:
-            rest = cloud[~grasp.covers(cloud, _OWN_MARGIN)]
+            rest = cloud[~grasp.covers(cloud, OWN_MARGIN)]
             rest_grid = self._rest_grid(around, grasp, attempts.workspace, attempts.start, grid)
             for flip in self._flips(grasp, attempts.start):
                 yield partial(attempts.plan, grasp, flip, rest, rest_grid)
@@ -279,7 +278,7 @@ class TransferPlanner:
 
         grid: with it; where the object was seen, what is over it was seen to be free.
         """
-        taken = grasp.covers(around, _OWN_MARGIN) & (around[:, 2] < grasp.top_z + _OWN_MARGIN)
+        taken = grasp.covers(around, OWN_MARGIN) & (around[:, 2] < grasp.top_z + OWN_MARGIN)
         return replace(self._columns(around[~taken], workspace, start), seen=grid.seen)
 
     def _flips(self, grasp: Grasp, start: FloatArray) -> list[float]:
