@@ -120,9 +120,9 @@ class ActionRun:
         self._commands.move(replace(self._planner.homeward(here, grid, hand), phase=Phase.RECOVERING))
 
     def _grid(self, here: FloatArray) -> ObstacleGrid:
-        """Return what the cloud shows beside the arm, which is now at `here` (7,) [rad]."""
+        """Return what was seen beside the arm, which is now at `here` (7,) [rad]."""
         seen_at = here if self._seen_at is None else self._seen_at
-        return self._planner.grid(self._cloud, self._workspace, seen_at)
+        return self._last_look.raised(self._planner.grid(self._cloud, self._workspace, seen_at), here)
 
     def _end(self, outcome: Outcome, message: str) -> ActionResult:
         return result_of(self._commands, outcome, message)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 
 import numpy as np
 import numpy.typing as npt
@@ -11,11 +12,13 @@ from cliport_core.outcome import Outcome
 from cliport_core.workspace import WorkspaceSpec
 from panda_executor.drag import DragPlan
 from panda_executor.errors import PlanningError, RequestError
-from panda_executor.place_change import drag_problem, pick_problem, place_problem
+from panda_executor.obstacle_grid import ObstacleGrid
+from panda_executor.place_change import drag_problem, pick_problem, place_problem, raised
 from panda_executor.request_check import check_cloud
 from panda_executor.run_commands import EarlyEnd, RunCommands
 from panda_executor.transfer import TransferPlanner
 from panda_executor.transfer_attempts import PickPlacePlan
+from panda_model.limits import FloatArray
 
 Cloud = npt.NDArray[np.float32]
 Look = Callable[[], Cloud]  # a cloud from after the last departure; raises RequestError where none comes in time
@@ -35,6 +38,7 @@ class LastLook:
         self, planner: TransferPlanner, commands: RunCommands, workspace: WorkspaceSpec, look: Look | None
     ) -> None:
         self._planner, self._commands, self._workspace, self._look = planner, commands, workspace, look
+        self._changed: Cloud | None = None  # in which not all is as planned
         self.refusal: RequestError | None = None  # why no cloud came
 
     def at_object(self, plan: PickPlacePlan, follow: bool) -> PickPlacePlan:
@@ -62,6 +66,17 @@ class LastLook:
         if cloud is not None:
             self._judge(place_problem(plan, cloud, self._workspace, self._commands.positions(), self._planner.motions))
 
+    def raised(self, grid: ObstacleGrid, positions: FloatArray) -> ObstacleGrid:
+        """Return the plan's columns for the way back: with what came, where a look found that something changed.
+
+        The arm stands at `positions` (7,) [rad]. If possible it is looked at once more, now that the arm rests.
+        """
+        if self._look is None or self._changed is None:
+            return grid
+        with suppress(RequestError):
+            self._changed = self._look()
+        return raised(grid, self._planner.grid(self._changed, self._workspace, positions))
+
     def _seen(self) -> Cloud | None:
         """Return a cloud from after the departure, None where nothing is looked at. Raises EarlyEnd without one."""
         if self._look is None:
@@ -74,8 +89,10 @@ class LastLook:
             self.refusal = error
             words = f"the scene could not be looked at again before the hand goes down: {error}"
             raise EarlyEnd(Outcome.EXECUTION_FAILED, words, may_recover=True) from None
+        self._changed = cloud  # until it is judged
         return cloud
 
     def _judge(self, problem: str | None) -> None:
         if problem is not None:
             raise PlanningError(problem)
+        self._changed = None

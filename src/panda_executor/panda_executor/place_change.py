@@ -84,6 +84,11 @@ def what_came(before: ObstacleGrid, now: ObstacleGrid) -> ObstacleGrid:
     return _solid(_risen(before, now))
 
 
+def raised(before: ObstacleGrid, now: ObstacleGrid) -> ObstacleGrid:
+    """Return the columns `before`, higher where `now` shows that something came."""
+    return replace(before, heights=np.maximum(before.heights, what_came(before, now).heights))
+
+
 def _seen_below(
     ahead: Motion,
     cloud: npt.NDArray[np.float32],

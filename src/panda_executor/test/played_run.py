@@ -18,6 +18,7 @@ from cliport_core.workspace import WorkspaceSpec
 from panda_executor import action_run, last_look
 from panda_executor.action_run import ActionRun
 from panda_executor.config import AfterFailure, ExecutorConfig
+from panda_executor.last_look import LastLook
 from panda_executor.motions import Motion
 from panda_executor.phase import Phase
 
@@ -183,9 +184,13 @@ def played_run(monkeypatch: pytest.MonkeyPatch) -> PlayedRun:
         bench.log.append(f"judge the {of} in {cloud} at {positions}")
         return "a box came" if "box" in cloud else None
 
+    def raised(self: LastLook, grid: str, positions: Any) -> str:
+        return grid if self._changed is None else f"{grid} raised by {self._changed} at {positions}"
+
     monkeypatch.setattr(action_run, "plan_drag", plan_drag)
     monkeypatch.setattr(action_run, "renewed_drag", renewed_drag)
     monkeypatch.setattr(last_look, "check_cloud", lambda cloud: None)
     for of in ("pick", "drag", "place"):
         monkeypatch.setattr(last_look, f"{of}_problem", partial(problem, of))
+    monkeypatch.setattr(LastLook, "raised", raised)
     return bench

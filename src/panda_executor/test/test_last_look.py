@@ -1,4 +1,4 @@
-"""What came to where the hand is to go down."""
+"""What came to where the hand is to go down, and the way back from there."""
 
 from __future__ import annotations
 
@@ -16,8 +16,11 @@ from cliport_core.outcome import ActionResult, Outcome
 from cliport_core.pose import PlanarPose
 from cliport_core.workspace import WorkspaceSpec
 from panda_executor.config import AfterFailure
+from panda_executor.errors import RequestError
+from panda_executor.hand_geometry import HandShape
 from panda_executor.runner import PickPlaceRunner
 from panda_executor.transfer import TransferPlanner
+from panda_executor.validation import dense_positions
 
 YAW = 0.3
 PICK, PLACE = PlanarPose(0.45, 0.1, YAW), PlanarPose(0.5, -0.2, YAW)
@@ -107,3 +110,44 @@ def test_no_hand_goes_down_on_what_came_into_a_drags_way(
         assert result.outcome is Outcome.SUCCEEDED, result.message
     else:
         check_not_gone_down(result, arm)
+
+
+def passes(planner: TransferPlanner, arm: FakeArm, first: int, cloud: np.ndarray) -> bool:
+    """Return whether the motions that were sent from number `first` on touch nothing that a cloud shows."""
+    grid = replace(planner.grid(cloud, WorkspaceSpec(), arm.sent[0].start), seen=None)
+    scene = planner.scene(grid, HandShape(planner.config.hand))
+    return all(scene.is_valid(at) for way in arm.sent[first:] for at in dense_positions(way.positions, scene))
+
+
+@pytest.mark.parametrize("again", [True, False])
+@pytest.mark.parametrize(
+    ("at_place", "tower"),
+    [(False, Cube(0.42, -0.06, 0.0, (0.05, 0.05, 0.42))), (True, Cube(0.45, 0.05, 0.0, (0.05, 0.05, 0.6)))],
+    ids=["object", "place"],
+)
+def test_the_way_back_leads_round_what_came(
+    planner: TransferPlanner, at_place: bool, tower: Cube, again: bool
+) -> None:
+    """A tower on the way home, and a block where the hand was to go down: the plan's cloud shows neither.
+
+    again: whether one more cloud comes when the arm is to go back.
+    """
+    before = seen_cloud(PICKED, BOWL)
+    block = cube_points(Cube(0.5, -0.2, YAW, (0.05, 0.05, 0.09))) if at_place else beside(0.05, 0.0)
+    things = (PICKED, BOWL, cube_points(tower, 0.003), block)
+    came = seen_cloud(*things)
+    x, y, z = (0.5, -0.2, 0.165) if at_place else (0.45, 0.1, 0.146)  # of the tcp, over the place and the object
+    hand = [cube_points(Cube(x, y, YAW, (0.2, 0.06, 0.15), z + 0.05)), cube_points(Cube(x, y, YAW, SMALL, z - 0.02))]
+    later = seen_cloud(*things, *hand[: 2 if at_place else 1])
+    looks = [*([before] if at_place else []), later, *([later] if again else [])]
+
+    def look() -> np.ndarray:
+        if not looks:
+            raise RequestError("none came")
+        return looks.pop(0)
+
+    result, arm = run(planner, before, look, rule=AfterFailure.KEEP)
+    assert result.outcome is (Outcome.EXECUTION_FAILED if at_place else Outcome.GRASP_MISSED)
+    assert "something came there" in result.message
+    assert np.abs(arm.positions - planner.ready).max() < 1e-6, result.message
+    assert passes(planner, arm, 4 if at_place else 1, came)

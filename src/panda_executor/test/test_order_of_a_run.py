@@ -80,7 +80,7 @@ def test_an_object_that_is_gone_sends_the_arm_home(bench: PlayedRun) -> None:
     bench.fail = {"find in third cloud and follow": GraspError("it was taken away")}
     result = bench.run()
     assert (result.outcome, result.message) == (Outcome.GRASP_MISSED, "while the arm was under way it was taken away")
-    home = "home from at 2 in grid of first cloud seen at 1 with shape"
+    home = "home from at 2 in grid of first cloud seen at 1 raised by third cloud at at 2 with shape"
     assert bench.log[-4:] == ["RETREAT", f"fingers {OPEN:g} with 7", home, HOME]
 
 
@@ -89,7 +89,7 @@ def test_nothing_is_gone_down_to_where_something_came(bench: PlayedRun, primitiv
     bench.looked = ["a box"]
     result = bench.run(primitive)
     assert (result.outcome, result.message) == (Outcome.GRASP_MISSED, "while the arm was under way a box came")
-    home = "home from at 3 in grid of first cloud seen at 1 with shape"
+    home = "home from at 3 in grid of first cloud seen at 1 raised by a box at at 3 with shape"
     judged = f"judge the {'pick' if primitive is Primitive.PICK_PLACE else 'drag'} in a box at at 2"
     assert bench.log[-5:] == [judged, "RETREAT", f"fingers {OPEN:g} with 7", home, HOME]
 
@@ -134,6 +134,14 @@ def test_a_place_that_changed_keeps_what_is_held(bench: PlayedRun) -> None:
     assert result.outcome is Outcome.EXECUTION_FAILED
     assert result.message == ("the place changed while the arm was under way: a box came; what is held stays held")
     assert bench.log[-1] == "judge the place in a box at at 3"
+
+
+def test_the_way_back_avoids_what_came(bench: PlayedRun) -> None:
+    bench.looked, bench.config = ["fine", "a box"], replace(CONFIG, after_failure=AfterFailure.KEEP)
+    assert bench.run().outcome is Outcome.EXECUTION_FAILED
+    grid = "grid of first cloud seen at 1 raised by a box at at 4"
+    ways = [line for line in bench.log if line.startswith(("up from", "home from"))]
+    assert ways == [f"up from at 4 in {grid} with shape", f"home from at 5 in {grid} with shape"]
 
 
 def test_fingers_that_closed_on_nothing_open_go_up_and_home(bench: PlayedRun) -> None:
