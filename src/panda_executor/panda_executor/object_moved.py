@@ -9,7 +9,6 @@ from scipy import ndimage
 from panda_executor.grasp import Grasp
 from panda_model.limits import FloatArray
 
-_GONE_BELOW = 0.5  # a cell whose highest point is lower than this share of the object is vacated
 _MIN_CELLS = 20  # of the object that must be seen; fewer prove nothing
 _REACH = 0.02  # within this an object is followed, along x and y each [m]
 _AS_GOOD = 0.03  # of two shifts that explain so nearly the same share of the cells, none is better
@@ -27,14 +26,15 @@ def moved_problem(cloud: npt.NDArray[np.float32], grasp: Grasp, limit: float) ->
 def vacated_share(cloud: npt.NDArray[np.float32], grasp: Grasp) -> float:
     """Return which share of the object's seen cells is empty in a later cloud (N, 3) [m, base frame], 0..1.
 
-    Only cells through which the ground below is seen count as empty: what the hand hides is taken to be there still.
+    The cells are those that rose over half of its height; one is empty where something lower is seen: what the hand
+    hides is taken to be there still.
     """
     highest, own = _highest(cloud, grasp, 0)
     tops = highest[own[:, 1], own[:, 0]]
     seen = np.isfinite(tops)
     if int(seen.sum()) < _MIN_CELLS:
         return 0.0
-    return float((tops[seen] < _limit(grasp)).mean())
+    return float((tops[seen] < grasp.half_height).mean())
 
 
 def seen_shift(cloud: npt.NDArray[np.float32], grasp: Grasp) -> FloatArray | None:
@@ -49,7 +49,7 @@ def seen_shift(cloud: npt.NDArray[np.float32], grasp: Grasp) -> FloatArray | Non
     border = round(_REACH / grasp.cell)
     highest, own = _highest(cloud, grasp, border)
     known = highest < grasp.top_z + _ABOVE_TOP
-    votes = np.where(np.isfinite(highest) & known, np.where(highest >= _limit(grasp), 1, -1), 0)
+    votes = np.where(np.isfinite(highest) & known, np.where(highest >= grasp.half_height, 1, -1), 0)
     if np.count_nonzero(votes[own[:, 1], own[:, 0]]) < len(own) / 2:
         return np.zeros(2)
     steps = range(-border, border + 1)
@@ -68,9 +68,10 @@ def seen_shift(cloud: npt.NDArray[np.float32], grasp: Grasp) -> FloatArray | Non
 def _highest(cloud: npt.NDArray[np.float32], grasp: Grasp, border: int) -> tuple[FloatArray, npt.NDArray[np.int64]]:
     """Return the highest point of each cell (rows, cols) around the object, -inf where nothing is seen, and its cells.
 
-    The object's cells are (M, 2) columns and rows of that map, which is wider by `border` cells on each side.
+    The object's cells, those over half of its height, are (M, 2) columns and rows of that map, which is wider by
+    `border` cells on each side.
     """
-    cells = np.unique(np.floor(grasp.inner / grasp.cell).astype(np.int64), axis=0)
+    cells = np.unique(np.floor(grasp.high / grasp.cell).astype(np.int64), axis=0)
     first, size = cells.min(axis=0) - border, np.ptp(cells, axis=0) + 1 + 2 * border
     relative = np.floor((cloud[:, :2] - grasp.centroid[:2]) / grasp.cell)
     near = np.all((relative >= first) & (relative < first + size), axis=1)  # NaN compares false
@@ -78,7 +79,3 @@ def _highest(cloud: npt.NDArray[np.float32], grasp: Grasp, border: int) -> tuple
     highest = np.full((int(size[1]), int(size[0])), -np.inf)
     np.maximum.at(highest, (index[:, 1], index[:, 0]), cloud[near, 2].astype(np.float64))
     return highest, cells - first
-
-
-def _limit(grasp: Grasp) -> float:
-    return grasp.support_z + _GONE_BELOW * (grasp.top_z - grasp.support_z)

@@ -125,9 +125,7 @@ def passes(planner: TransferPlanner, arm: FakeArm, first: int, cloud: np.ndarray
     [(False, Cube(0.42, -0.06, 0.0, (0.05, 0.05, 0.42))), (True, Cube(0.45, 0.05, 0.0, (0.05, 0.05, 0.6)))],
     ids=["object", "place"],
 )
-def test_the_way_back_leads_round_what_came(
-    planner: TransferPlanner, at_place: bool, tower: Cube, again: bool
-) -> None:
+def test_the_way_back_leads_round_what_came(planner: TransferPlanner, at_place: bool, tower: Cube, again: bool) -> None:
     """A tower on the way home, and a block where the hand was to go down: the plan's cloud shows neither.
 
     again: whether one more cloud comes when the arm is to go back.

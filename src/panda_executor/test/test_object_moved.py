@@ -139,3 +139,13 @@ def test_a_wide_object_is_grasped_at_its_middle_or_looked_for_anew(
         check_looked_for_anew(planner, result, arm)
     if far != 0.02:  # which is where following ends
         assert (result.outcome is Outcome.SUCCEEDED) == (far < 0.02)
+
+
+def test_an_object_whose_greater_part_is_flat_has_not_moved(planner: TransferPlanner) -> None:
+    """A block on the middle of a plate that is grasped with it: most of it never rose over half of its height."""
+    plate = cube_points(Cube(0.45, 0.1, 0.3, (0.07, 0.12, 0.012)))
+    things = plate, cube_points(Cube(0.45, 0.1, 0.3, (0.04, 0.03, 0.02), 0.012)), bowl_points(Bowl(0.5, -0.2))
+    before, later = (seen_cloud(*things, seed=seed) for seed in (0, 1))
+    grasp = plan_grasps(before, PICK, WorkspaceSpec())[0]
+    assert len(grasp.high) < len(grasp.inner) / 2
+    assert vacated_share(later, grasp) < 0.05

@@ -25,7 +25,7 @@ def grasp(workspace: WorkspaceSpec) -> Grasp:
 
 def cells(grasp: Grasp) -> np.ndarray:
     """Return the middles of the object's cells (M, 2) [m, base frame]."""
-    own = np.unique(np.floor(grasp.inner / grasp.cell).astype(int), axis=0)
+    own = np.unique(np.floor(grasp.high / grasp.cell).astype(int), axis=0)
     return (own + 0.5) * grasp.cell + grasp.centroid[:2]
 
 
@@ -107,7 +107,9 @@ def drawn(width: int, shifts: list[tuple[int, int]], unseen: int = 0) -> tuple[G
     Of the first of them so many cells are not seen.
     """
     whole = np.array([[x + 0.5, y + 0.5] for y in range(width) for x in range(width)]) * 0.0025
-    square: Any = SimpleNamespace(inner=whole, cell=0.0025, centroid=np.array([X, Y, 0.03]), top_z=0.04, support_z=0.0)
+    square: Any = SimpleNamespace(
+        high=whole, cell=0.0025, centroid=np.array([X, Y, 0.03]), top_z=0.04, half_height=0.02
+    )
     heights = {(x, y): 0.0 for x in range(-30, 40) for y in range(-30, 40)}
     places = [[(x + dx, y + dy) for y in range(width) for x in range(width)] for dx, dy in shifts]
     heights |= {cell: 0.04 for place in places for cell in place}
@@ -148,10 +150,10 @@ def test_an_object_is_not_followed_to_the_border_of_what_is_searched(shift: tupl
 def test_a_bar_that_went_along_itself(cells: int, went: int, found: int | None) -> None:
     """Of 20 cm each cell of its way explains little more; one that is longer than what is looked at stays put."""
     bar: Any = SimpleNamespace(
-        inner=np.array([[x + 0.5, y + 0.5] for x in range(cells) for y in range(8)]) * 0.0025,
-        cell=0.0025, centroid=np.array([X, Y, 0.03]), top_z=0.04, support_z=0.0,
+        high=np.array([[x + 0.5, y + 0.5] for x in range(cells) for y in range(8)]) * 0.0025,
+        cell=0.0025, centroid=np.array([X, Y, 0.03]), top_z=0.04, half_height=0.02,
     )  # fmt: skip
     ground = np.array([[x + 0.5, y + 0.5] for x in range(-40, 150) for y in range(-20, 30)]) * 0.0025 + [X, Y]
-    whole = bar.inner if cells < 96 else np.concatenate([bar.inner + np.array([0.0025 * by, 0.0]) for by in (-30, 30)])
+    whole = bar.high if cells < 96 else np.concatenate([bar.high + np.array([0.0025 * by, 0.0]) for by in (-30, 30)])
     shift = seen_shift(np.concatenate([cloud(ground, 0.0), cloud(whole + np.array([X + went * 0.0025, Y]), 0.04)]), bar)
     assert shift is None if found is None else shift == pytest.approx([found * 0.0025, 0.0], abs=1e-9)
