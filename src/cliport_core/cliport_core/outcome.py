@@ -38,7 +38,7 @@ class Outcome(IntEnum):
 
 
 class Refusal(IntEnum):
-    """The reasons for which a request is refused before anything moves; values as in the PickPlace action."""
+    """The reasons for which a request is refused, or its motion ended early; values as in the PickPlace action."""
 
     NONE = 0
     MALFORMED = 1

@@ -2,25 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import cached_property, partial
 from typing import NoReturn, TypeVar
-
-import numpy as np
-import numpy.typing as npt
 
 from cliport_core.action import ActionGoal, Primitive
 from cliport_core.outcome import ActionResult, Outcome
 from cliport_core.workspace import WorkspaceSpec
 from panda_executor.config import AfterFailure
 from panda_executor.drag import DragPlan, plan_drag, renewed_drag
-from panda_executor.errors import ExecutorError, PlanningError
+from panda_executor.errors import ExecutorError, GraspError, PlanningError, TrajectoryError
 from panda_executor.hand_geometry import HandShape
+from panda_executor.last_look import Cloud, LastLook, Look
 from panda_executor.motions import Motion
 from panda_executor.obstacle_grid import ObstacleGrid
 from panda_executor.phase import Phase
-from panda_executor.place_change import place_problem
 from panda_executor.request_check import check_cloud, check_poses, check_positions, check_reach, check_table
 from panda_executor.run_commands import EarlyEnd, LoadLost, RunCommands
 from panda_executor.run_end import ended, result_of
@@ -28,9 +26,7 @@ from panda_executor.transfer import TransferPlanner
 from panda_executor.transfer_attempts import PickPlacePlan
 from panda_model.limits import FloatArray
 
-Cloud = npt.NDArray[np.float32]
 CloudSource = Callable[[], Cloud]
-Look = Callable[[], Cloud | None]  # the newest cloud, None where none came since the last one
 P = TypeVar("P", PickPlacePlan, DragPlan)
 Renew = Callable[[P, Cloud, WorkspaceSpec, FloatArray], P]  # checks a plan in a newer cloud, the arm at (7,) [rad]
 
@@ -45,9 +41,9 @@ class ActionRun:
         goal: ActionGoal,
         cloud_source: CloudSource,
         workspace: WorkspaceSpec,
-        look: Look = lambda: None,
+        look: Look | None = None,
     ) -> None:
-        self._look = look
+        self._last_look = LastLook(planner, commands, workspace, look)
         self._planner, self._commands, self._config = planner, commands, commands.config
         self._goal, self._action = goal, goal.action
         self._cloud_source, self._workspace = cloud_source, workspace
@@ -89,6 +85,9 @@ class ActionRun:
     def _ended(self, act: Callable[[], str], success: Outcome) -> ActionResult:
         """Return how `act` ended, which returns a sentence when it went well."""
         result = ended(self._commands, act, success, self._recovered)
+        unseen = self._last_look.refusal
+        if unseen is not None and result.outcome is Outcome.EXECUTION_FAILED:
+            result = replace(result, refusal=unseen.refusal, refusal_value=unseen.value, refusal_limit=unseen.limit)
         centroid = None if self._centroid is None else tuple(self._centroid.tolist())
         return replace(result, grasp_centroid=centroid)
 
@@ -121,9 +120,9 @@ class ActionRun:
         self._commands.move(replace(self._planner.homeward(here, grid, hand), phase=Phase.RECOVERING))
 
     def _grid(self, here: FloatArray) -> ObstacleGrid:
-        """Return what the cloud shows beside the arm, which is now at `here` (7,) [rad]."""
+        """Return what was seen beside the arm, which is now at `here` (7,) [rad]."""
         seen_at = here if self._seen_at is None else self._seen_at
-        return self._planner.grid(self._cloud, self._workspace, seen_at)
+        return self._last_look.raised(self._planner.grid(self._cloud, self._workspace, seen_at), here)
 
     def _end(self, outcome: Outcome, message: str) -> ActionResult:
         return result_of(self._commands, outcome, message)
@@ -200,21 +199,24 @@ class ActionRun:
 
     def _found_again(self, plan: PickPlacePlan) -> PickPlacePlan:
         """Return the plan for where the object is seen to be now; go back where that is too far from its place."""
-        cloud = self._look()
+        with self._going_back_if_changed():
+            return self._last_look.at_object(plan, not self._approved_by_person)
+
+    @contextmanager
+    def _going_back_if_changed(self) -> Iterator[None]:
+        """End the run above the object, as one that missed it, where a last look finds that the plan does not hold."""
         try:
-            return plan if cloud is None else self._planner.found_again(plan, cloud, not self._approved_by_person)
-        except ExecutorError as error:
+            yield
+        except (GraspError, PlanningError, TrajectoryError) as error:
             self._give_up(self._config.hand.opening, None, f"while the arm was under way {error}")
 
     def _look_at_place(self, plan: PickPlacePlan) -> None:
         """End the run above the place, the object still held, where it cannot be let go there any more."""
-        cloud = self._look()
-        if cloud is None:
-            return
-        problem = place_problem(plan, cloud, self._workspace, self._commands.positions(), self._planner.motions)
-        if problem is not None:
-            why = f"the place changed while the arm was under way: {problem}; what is held stays held"
-            raise EarlyEnd(Outcome.EXECUTION_FAILED, why, may_recover=True)
+        try:
+            self._last_look.at_place(plan)
+        except PlanningError as error:
+            why = f"the place changed while the arm was under way: {error}; what is held stays held"
+            raise EarlyEnd(Outcome.EXECUTION_FAILED, why, may_recover=True) from None
 
     def _drag(self, start: FloatArray) -> str:
         commands = self._commands
@@ -225,6 +227,8 @@ class ActionRun:
         if self._goal.plan_only:
             return f"planned a {self._action.primitive.label}; nothing moved"
         commands.move(plan.go_above)
+        with self._going_back_if_changed():
+            self._last_look.at_drag(plan)
         commands.enter(Phase.DESCEND)
         commands.move_fingers(plan.opening, self._config.open_force)
         commands.move(plan.descend, may_end_off=True)

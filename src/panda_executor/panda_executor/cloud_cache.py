@@ -51,12 +51,20 @@ class CloudCache:
         with self._lock:
             return float("inf") if self._raw is None else (now_ns - self._stamp_ns) * 1e-9
 
-    def newest(self, now_ns: int) -> bytes | None:
-        """Return the newest cloud, serialized, whatever it shows; None where none came lately."""
-        with self._lock:
-            age = (now_ns - self._stamp_ns) * 1e-9
-            fit = -self._max_ahead <= age <= self._max_age and not self._complained(now_ns)
-            return self._raw if fit else None
+    def since(self, now_ns: int, departed_ns: int) -> bytes:
+        """Return the newest cloud, serialized, if it was taken after the arm departed at `departed_ns`.
+
+        Raises:
+            RequestError: as `get` does.
+        """
+        raw, stamp_ns = self._fresh(now_ns)
+        if stamp_ns < departed_ns:
+            early = (departed_ns - stamp_ns) * 1e-9
+            words = (
+                f"the newest point cloud was taken {early:.1f} s before the arm last departed; has the camera stopped?"
+            )
+            raise RequestError(words, Refusal.OLD_CLOUD, early, 0.0)
+        return raw
 
     def _complained(self, now_ns: int) -> str:
         """Return the complaint if it is younger than the newest cloud; one from the future is of another clock."""
@@ -72,6 +80,22 @@ class CloudCache:
         Raises:
             RequestError: when there is none, or it is too old; says by how much. When perception has complained since.
         """
+        raw, stamp_ns = self._fresh(now_ns)
+        behind = (goal_stamp_ns - stamp_ns) * 1e-9
+        if goal_stamp_ns and behind > self._behind:
+            words = (
+                f"the point cloud is {behind:.1f} s older than the goal's observation (at most {self._behind:g} s); "
+                "raise cloud_behind, or perception's points_rate"
+            )
+            raise RequestError(words, Refusal.OLD_CLOUD, behind, self._behind)
+        if stamp_ns < still_since_ns:
+            early = (still_since_ns - stamp_ns) * 1e-9
+            words = f"the point cloud was taken while the arm still moved, {early:.1f} s before its last motion's end"
+            raise RequestError(f"{words}; raise cloud_wait, or perception's points_rate", Refusal.OLD_CLOUD, early, 0.0)
+        return raw
+
+    def _fresh(self, now_ns: int) -> tuple[bytes, int]:
+        """Return the newest cloud and its stamp [ns] if it is as old as one may be. Raises RequestError."""
         with self._lock:
             raw, stamp_ns, complaint = self._raw, self._stamp_ns, self._complained(now_ns)
         if complaint:
@@ -96,15 +120,4 @@ class CloudCache:
                 -age,
                 self._max_ahead,
             )
-        behind = (goal_stamp_ns - stamp_ns) * 1e-9
-        if goal_stamp_ns and behind > self._behind:
-            words = (
-                f"the point cloud is {behind:.1f} s older than the goal's observation (at most {self._behind:g} s); "
-                "raise cloud_behind, or perception's points_rate"
-            )
-            raise RequestError(words, Refusal.OLD_CLOUD, behind, self._behind)
-        if stamp_ns < still_since_ns:
-            early = (still_since_ns - stamp_ns) * 1e-9
-            words = f"the point cloud was taken while the arm still moved, {early:.1f} s before its last motion's end"
-            raise RequestError(f"{words}; raise cloud_wait, or perception's points_rate", Refusal.OLD_CLOUD, early, 0.0)
-        return raw
+        return raw, stamp_ns

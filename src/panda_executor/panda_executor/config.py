@@ -80,7 +80,7 @@ class ExecutorConfig:
     that takes longer to plan is given up [s]; centre_grasp: whether the middle of what is held goes to the place; else
     it ends as far from there as the pick was off; moved_share: an object is looked for anew before the hand goes down
     to it when this share of its cells is seen to be empty; follow_from: and grasped where it is now when it went this
-    far [m].
+    far, or looked for anew, too, where a person approved the plan [m].
     """
 
     scene: SceneConfig = field(default_factory=SceneConfig)

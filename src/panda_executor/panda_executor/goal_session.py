@@ -15,7 +15,6 @@ from cliport_core.errors import GoalError
 from cliport_core.messages import goal_from_msg, result_to_msg
 from cliport_core.messages_hand import hand_goal_from_msg, hand_result_to_msg
 from cliport_core.outcome import ActionResult
-from cliport_core.raw_header import header_of_raw
 from cliport_interfaces.action import MoveHand, PickPlace
 from panda_executor import conversions
 from panda_executor.approvals import Approvals
@@ -79,15 +78,10 @@ class GoalSession:
             raise RequestError(str(error)) from None
         self._owned.check(goal.owner, goal.plan_only)
 
-        def look() -> npt.NDArray[np.float32] | None:
-            newest = self._clouds.newest(self._now_ns())
-            if newest is None or header_of_raw(newest)[0] < max(departures.values(), default=0):
-                return None
-            try:
-                return conversions.cloud_from_raw(newest, frame)
-            except RequestError as error:
-                logger.warning(f"the object is not looked at again: {error}")
-                return None
+        def look() -> npt.NDArray[np.float32]:
+            departed = max(departures.values(), default=0)
+            raw = self._patiently(lambda: self._clouds.since(self._now_ns(), departed), should_stop)
+            return conversions.cloud_from_raw(raw, frame)
 
         try:
             return self._runner.run(

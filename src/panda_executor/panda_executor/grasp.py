@@ -18,6 +18,7 @@ from panda_executor.jaws import Hold, JawConfig, Jaws
 from panda_executor.seen_object import SeenObject, find_object
 from panda_model import FloatArray, HandModel
 
+OWN_MARGIN = 0.008  # around an object's cells: its blurred edge in the cloud [m]
 _SUPPORT_TOLERANCE = 0.005  # tolerance under a standing object [m]
 
 
@@ -57,7 +58,8 @@ class Grasp:
     tcp_z: height of the tcp; yaw: of the jaws; opening: of the fingers on the way down; width: between the
     closed fingers; length: of the whole object across them; support_z: what the object stands on; top_z: its
     highest part; footprint: (N, 2) all its cells, inner: (M, 2) those without its blurred edge, relative to
-    the centroid; spare: how much higher the tcp could be and still hold it; hand: that holds it.
+    the centroid; spare: how much higher the tcp could be and still hold it; hand: that holds it; high: (K, 2) the inner
+    cells that rise over `half_height`.
     """
 
     centroid: FloatArray
@@ -73,6 +75,12 @@ class Grasp:
     cell: float
     spare: float
     hand: HandModel
+    high: FloatArray
+
+    @property
+    def half_height(self) -> float:
+        """Half-way between what the object stands on and its highest part [m, base frame]."""
+        return (self.support_z + self.top_z) / 2.0
 
     def held(self, flip: float = 0.0) -> HeldObject:
         """Return the object between fingers at `yaw + flip` [rad]."""
@@ -213,6 +221,8 @@ def _grasp(
     core = ndimage.binary_erosion(seen.whole)
     inside = core | (seen.whole & ~ndimage.binary_dilation(core, structure=np.ones((3, 3)), iterations=2))
     inner = np.stack([cells.x[inside] - x, cells.y[inside] - y], axis=-1)
+    high = inside & (cells.top > (seen.support_z + seen.top) / 2.0)
+    high = high if high.any() else inside  # its only high part may be as narrow as a blurred edge
     across = np.abs(footprint @ np.array([-s, c]))
     return Grasp(
         centroid=np.array([x, y, height]),
@@ -228,4 +238,5 @@ def _grasp(
         cell=cells.cell,
         spare=hold.spare,
         hand=hand,
+        high=np.stack([cells.x[high] - x, cells.y[high] - y], axis=-1),
     )

@@ -1,7 +1,8 @@
-"""Changes at a place that a later cloud shows, while the arm was on its way to it."""
+"""Changes where the hand is to go down that a later cloud shows, while the arm was on its way there."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -9,8 +10,10 @@ import numpy.typing as npt
 from scipy import ndimage
 
 from cliport_core.workspace import WorkspaceSpec
+from panda_executor.drag import DragPlan
 from panda_executor.errors import TrajectoryError
-from panda_executor.motions import MotionBuilder
+from panda_executor.grasp import OWN_MARGIN
+from panda_executor.motions import Motion, MotionBuilder
 from panda_executor.obstacle_grid import EMPTY, ObstacleGrid
 from panda_executor.transfer_attempts import PickPlacePlan
 from panda_model.limits import FloatArray
@@ -34,22 +37,82 @@ def place_problem(
     The arm stands above the place at `positions` (7,) [rad] with what it holds; cloud: (N, 3) [m, base frame]. Only
     what lies lower than all of that counts, and only where it is seen: the hand hides much of the place.
     """
-    scene = motions.config.scene
-    rotation, translation = motions.model.tcp_arrays(positions)
-    held = plan.lower.scene.hand
-    limit = float((held.points @ rotation[2]).min() + translation[2]) - _BELOW_LOAD
-    low = cloud[cloud[:, 2] < limit]  # NaN compares false
-    seen = ObstacleGrid.from_cloud(low, workspace, scene.table_z + scene.floor, scene.grid_cell)
-    risen = _solid(_risen(plan.go_above.scene.grid, seen))
-    if risen.highest > 0.0:
-        try:
-            motions.among(plan.lower, risen)
-            motions.among(plan.leave, risen)
-        except TrajectoryError as error:
-            return f"something came there: {error}"
+    seen = _seen_below(plan.lower, cloud, workspace, positions, motions)
+    problem = _in_the_way(what_came(plan.go_above.scene.grid, seen), (plan.lower, plan.leave), motions)
+    if problem is not None:
+        return problem
     share = _sunk_share(plan, seen, motions)
     if share > motions.config.moved_share:
         return f"{100.0 * share:.0f} % of what was to carry the object is gone"
+    return None
+
+
+def pick_problem(
+    plan: PickPlacePlan,
+    cloud: npt.NDArray[np.float32],
+    workspace: WorkspaceSpec,
+    positions: FloatArray,
+    motions: MotionBuilder,
+) -> str | None:
+    """Return what came where the hand goes down to the object, beside it or onto it, or None; as `place_problem`.
+
+    plan: for where the object is now.
+    """
+    grasp = plan.grasp
+    own = grasp.covers(cloud, OWN_MARGIN) & (cloud[:, 2] < grasp.top_z + OWN_MARGIN)
+    seen = _seen_below(plan.descend, cloud[~own], workspace, positions, motions)
+    return _in_the_way(what_came(plan.go_above.scene.grid, seen), (plan.descend, plan.raise_up), motions)
+
+
+def drag_problem(
+    plan: DragPlan,
+    cloud: npt.NDArray[np.float32],
+    workspace: WorkspaceSpec,
+    positions: FloatArray,
+    motions: MotionBuilder,
+) -> str | None:
+    """Return what came where the hand goes down, or came and is too tall to be moved, or None; as `place_problem`."""
+    came = what_came(plan.go_above.scene.grid, _seen_below(plan.descend, cloud, workspace, positions, motions))
+    tall = came.heights > motions.config.scene.table_z + motions.config.drag.low
+    along = [motion for motion in (plan.lift, plan.drag, plan.leave) if motion is not None]
+    problem = _in_the_way(came, (plan.descend,), motions)
+    return problem or _in_the_way(replace(came, heights=np.where(tall, came.heights, EMPTY)), along, motions)
+
+
+def what_came(before: ObstacleGrid, now: ObstacleGrid) -> ObstacleGrid:
+    """Return those of the columns `now` that are new, or higher than `before`, as columns with nothing else."""
+    return _solid(_risen(before, now))
+
+
+def raised(before: ObstacleGrid, now: ObstacleGrid) -> ObstacleGrid:
+    """Return the columns `before`, higher where `now` shows that something came."""
+    return replace(before, heights=np.maximum(before.heights, what_came(before, now).heights))
+
+
+def _seen_below(
+    ahead: Motion,
+    cloud: npt.NDArray[np.float32],
+    workspace: WorkspaceSpec,
+    positions: FloatArray,
+    motions: MotionBuilder,
+) -> ObstacleGrid:
+    """Return the columns of what lies lower than the hand and what it holds, before it goes `ahead`."""
+    scene = motions.config.scene
+    rotation, translation = motions.model.tcp_arrays(positions)
+    limit = float((ahead.scene.hand.points @ rotation[2]).min() + translation[2]) - _BELOW_LOAD
+    low = cloud[cloud[:, 2] < limit]  # NaN compares false
+    return ObstacleGrid.from_cloud(low, workspace, scene.table_z + scene.floor, scene.grid_cell)
+
+
+def _in_the_way(came: ObstacleGrid, ways: Iterable[Motion], motions: MotionBuilder) -> str | None:
+    """Return which of the ways what came is in, in words, or None."""
+    if came.highest <= 0.0:
+        return None
+    try:
+        for way in ways:
+            motions.among(way, came)
+    except TrajectoryError as error:
+        return f"something came there: {error}"
     return None
 
 

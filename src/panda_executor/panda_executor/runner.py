@@ -10,11 +10,12 @@ from cliport_core.action import ActionGoal, HandGoal, PickPlaceAction
 from cliport_core.outcome import ActionResult
 from cliport_core.pose import PlanarPose
 from cliport_core.workspace import WorkspaceSpec
-from panda_executor.action_run import ActionRun, Cloud, CloudSource, Look
+from panda_executor.action_run import ActionRun, CloudSource
 from panda_executor.config import ExecutorConfig
 from panda_executor.errors import PortError
 from panda_executor.hand_content import HandContent
 from panda_executor.hand_move import HandMove
+from panda_executor.last_look import Cloud, Look
 from panda_executor.model import PandaModel
 from panda_executor.ports import ArmPort, GripperPort, ShouldStop
 from panda_executor.run_commands import OnPhase, OnPlan, RunCommands
@@ -53,7 +54,7 @@ class PickPlaceRunner:
         on_phase: OnPhase = lambda phase, progress: None,
         should_stop: ShouldStop = lambda: False,
         on_plan: OnPlan = lambda motions: False,
-        look: Look = lambda: None,
+        look: Look | None = None,
     ) -> ActionResult:
         """Run an action, or only plan it; never raises for what can go wrong on the way, the outcome says it.
 
@@ -64,7 +65,8 @@ class PickPlaceRunner:
             should_stop: polled all the time; once true, the arm holds, a held object stays held.
             on_plan: told the motions once they are planned; returns when they may be executed, or raises RequestError.
                 True: that took a person's time, and the plan is checked again in a fresh cloud.
-            look: returns a cloud that came since the planned one, or None; asked for before the hand goes down.
+            look: returns a cloud from after the last departure, or raises RequestError; asked for before the hand goes
+                down. None where nothing but the arm moves the scene: then it is not looked at again.
         """
         source = cloud if callable(cloud) else lambda: cloud
         commands = self._commands(on_phase, should_stop, on_plan)

@@ -17,7 +17,7 @@ from cliport_core.workspace import WorkspaceSpec
 from panda_executor.budget import Budget
 from panda_executor.config import ExecutorConfig
 from panda_executor.errors import BudgetSpentError, ExecutorError, PlanningError
-from panda_executor.grasp import Grasp, plan_grasps
+from panda_executor.grasp import OWN_MARGIN, Grasp, plan_grasps
 from panda_executor.hand_geometry import HandShape
 from panda_executor.ik import HandDownIk, hand_down_pose
 from panda_executor.model import PandaModel
@@ -31,7 +31,6 @@ from panda_executor.scene import Scene, add_table, place_camera
 from panda_executor.transfer_attempts import PickPlacePlan, TransferAttempts
 from panda_model.limits import FloatArray
 
-_OWN_MARGIN = 0.008  # around the grasped object's cells: its blurred edge in the cloud [m]
 _HAND_MARGIN = 0.015  # columns this near to the hand where it stands are the hand, or let it go [m]
 _CAMERA_STILL = 1e-4  # a camera that moved less stands where it stood [m]
 
@@ -198,7 +197,7 @@ class TransferPlanner:
     ) -> Iterator[Callable[[], PickPlacePlan]]:
         """Yield every grasp either way round, then each once more, from everywhere."""
         for grasp in grasps:
-            rest = cloud[~grasp.covers(cloud, _OWN_MARGIN)]
+            rest = cloud[~grasp.covers(cloud, OWN_MARGIN)]
             rest_grid = self._rest_grid(around, grasp, attempts.workspace, attempts.start, grid)
             for flip in self._flips(grasp, attempts.start):
                 yield partial(attempts.plan, grasp, flip, rest, rest_grid)
@@ -235,24 +234,34 @@ class TransferPlanner:
         """Return the plan for where a later cloud (N, 3) [m] shows the object, the arm above it.
 
         Where it went a little, the way down to it and up from it are planned anew from where they began: the other
-        motions stay as they are. So does all of it if `follow` is False, as for a plan that a person approved.
+        motions stay as they are.
+
+        Args:
+            follow: whether the plan may be changed; False for one that a person approved.
 
         Raises:
-            PlanningError: when it went too far, or no straight way down to it is free.
+            PlanningError: when it went too far, or at all where it may not be followed; when no straight way down to it
+                is free.
             TrajectoryError: when the way up does not pass.
         """
         moved = moved_problem(cloud, plan.grasp, self.config.moved_share)
         if moved is not None:
             raise PlanningError(moved)
-        by = np.array([*seen_shift(cloud, plan.grasp), 0.0])
-        if not follow or float(np.linalg.norm(by)) < self.config.follow_from:
+        shift = seen_shift(cloud, plan.grasp)
+        if shift is None:
+            raise PlanningError("the object moved by 2 cm or more")
+        by = np.array([*shift, 0.0])
+        far = float(np.linalg.norm(by))
+        if far < self.config.follow_from:
             return plan
+        if not follow:
+            raise PlanningError(f"the object moved by {1e3 * far:.0f} mm, and what a person approved is not changed")
         trajectory = plan.descend.trajectory
         planned = self.model.tcp_pose(trajectory.end)
         goal = Pose(planned.rotation, planned.translation + by)
         descend = self.motions.straight(Phase.DESCEND, trajectory.positions[0], goal, plan.descend.scene)
         if descend is None:
-            raise PlanningError(f"the object went by {1e3 * float(np.linalg.norm(by)):.0f} mm, to where no way is free")
+            raise PlanningError(f"the object went by {1e3 * far:.0f} mm, to where no way is free")
         raise_up = self.motions.reversed(Phase.RAISE, descend, plan.raise_up.scene)
         grasp = replace(plan.grasp, centroid=plan.grasp.centroid + by)
         return replace(plan, grasp=grasp, descend=descend, raise_up=raise_up)
@@ -269,7 +278,7 @@ class TransferPlanner:
 
         grid: with it; where the object was seen, what is over it was seen to be free.
         """
-        taken = grasp.covers(around, _OWN_MARGIN) & (around[:, 2] < grasp.top_z + _OWN_MARGIN)
+        taken = grasp.covers(around, OWN_MARGIN) & (around[:, 2] < grasp.top_z + OWN_MARGIN)
         return replace(self._columns(around[~taken], workspace, start), seen=grid.seen)
 
     def _flips(self, grasp: Grasp, start: FloatArray) -> list[float]:

@@ -15,9 +15,10 @@ from cliport_core.action import ActionGoal, PickPlaceAction, Primitive
 from cliport_core.outcome import ActionResult
 from cliport_core.pose import PlanarPose
 from cliport_core.workspace import WorkspaceSpec
-from panda_executor import action_run
+from panda_executor import action_run, last_look
 from panda_executor.action_run import ActionRun
 from panda_executor.config import AfterFailure, ExecutorConfig
+from panda_executor.last_look import LastLook
 from panda_executor.motions import Motion
 from panda_executor.phase import Phase
 
@@ -60,7 +61,7 @@ class PlayedRun:
         self.stops, self.waits, self.empties = False, False, list[bool]()
         self.hand, self.ik, self.motions = "the hand", "the ik", "the builder"
         self.clouds: Iterator[str] = iter(["first cloud", "second cloud"])
-        self.looked: list[str | None] = []
+        self.looked: list[str | Exception] = []  # what the looks see, one after the other; then all is fine
         self.lift = True
         self.up: Motion | None = motion("up")
         self.at = 0
@@ -122,8 +123,10 @@ class PlayedRun:
         return next(self.clouds)
 
     def look(self) -> Any:
-        cloud = self.looked.pop(0) if self.looked else None
+        cloud = self.looked.pop(0) if self.looked else "fine"
         self.log.append(f"look {cloud}")
+        if isinstance(cloud, Exception):
+            raise cloud
         return cloud
 
     def plan(self, action: Any, cloud: Any, workspace: Any, start: Any, progress: Any, should_stop: Any) -> Any:
@@ -137,7 +140,7 @@ class PlayedRun:
 
     def found_again(self, plan: Any, cloud: Any, follow: bool) -> Any:
         self.say(f"find in {cloud}{' and follow' if follow else ''}")
-        return pick_plan("found ")
+        return plan if cloud == "fine" else pick_plan("found ")
 
     def grid(self, cloud: Any, workspace: Any, positions: Any) -> str:
         return f"grid of {cloud} seen {positions}"
@@ -176,12 +179,18 @@ def played_run(monkeypatch: pytest.MonkeyPatch) -> PlayedRun:
         bench.say(f"renew drag in {cloud} from {positions}")
         return drag_plan("new ", bench.lift)
 
-    def place_problem(plan: Any, cloud: Any, workspace: Any, positions: Any, motions: Any) -> str | None:
+    def problem(of: str, plan: Any, cloud: Any, workspace: Any, positions: Any, motions: Any) -> str | None:
         assert motions == bench.motions
-        bench.log.append(f"judge the place in {cloud} at {positions}")
-        return None if cloud == "fine" else "a box came"
+        bench.log.append(f"judge the {of} in {cloud} at {positions}")
+        return "a box came" if "box" in cloud else None
+
+    def raised(self: LastLook, grid: str, positions: Any) -> str:
+        return grid if self._changed is None else f"{grid} raised by {self._changed} at {positions}"
 
     monkeypatch.setattr(action_run, "plan_drag", plan_drag)
     monkeypatch.setattr(action_run, "renewed_drag", renewed_drag)
-    monkeypatch.setattr(action_run, "place_problem", place_problem)
+    monkeypatch.setattr(last_look, "check_cloud", lambda cloud: None)
+    for of in ("pick", "drag", "place"):
+        monkeypatch.setattr(last_look, f"{of}_problem", partial(problem, of))
+    monkeypatch.setattr(LastLook, "raised", raised)
     return bench

@@ -61,24 +61,39 @@ def test_a_goal_of_an_unknown_observation_takes_any_fresh_cloud() -> None:
 
 
 def test_no_cloud_has_a_refusal_of_its_own() -> None:
-    with pytest.raises(RequestError) as caught:
-        CloudCache().get(0, 0, 0)
-    assert caught.value.refusal is Refusal.NO_CLOUD
-    assert CloudCache().newest(0) is None and CloudCache().newest(5 * S) is None
+    for asked in (lambda cache: cache.get(0, 0, 0), lambda cache: cache.since(0, 0)):
+        with pytest.raises(RequestError) as caught:
+            asked(CloudCache())
+        assert caught.value.refusal is Refusal.NO_CLOUD
 
 
 @pytest.mark.parametrize(
-    ("now", "given"), [(9_749, False), (9_750, True), (10_000, True), (12_000, True), (12_001, False)]
+    ("now", "departed", "kind", "value", "limit"),
+    [
+        (9_749, 0, Refusal.FUTURE_CLOUD, 0.251, 0.25),
+        (12_001, 0, Refusal.OLD_CLOUD, 2.001, 2.0),
+        (11_000, 10_001, Refusal.OLD_CLOUD, 0.001, 0.0),
+    ],
 )
-def test_the_newest_is_given_between_its_bounds_whatever_it_shows(now: int, given: bool) -> None:
-    assert cache_with(10).newest(now * MS) == (raw(10) if given else None)
+def test_a_cloud_since_the_departure_is_given_up_to_each_bound(
+    now: int, departed: int, kind: Refusal, value: float, limit: float
+) -> None:
+    with pytest.raises(RequestError) as caught:
+        cache_with(10).since(now * MS, departed * MS)
+    error = caught.value
+    assert error.refusal is kind and error.value == pytest.approx(value) and error.limit == limit
+    now, departed = (now, 10_000) if departed else (now + (1 if now < 10_000 else -1), 0)
+    assert cache_with(10).since(now * MS, departed * MS) == raw(10)
 
 
 def test_the_usual_bounds_are_two_seconds_a_quarter_ahead_and_no_older_than_the_goal() -> None:
     cache = CloudCache()
     cache.put(raw(10))
-    for now, given in ((12_000, True), (12_001, False), (9_750, True), (9_749, False)):
-        assert (cache.newest(now * MS) is not None) is given
+    for now in (12_000, 9_750):
+        assert cache.get(now * MS, 0, 0) == raw(10)
+    for now in (12_001, 9_749):
+        with pytest.raises(RequestError):
+            cache.get(now * MS, 0, 0)
     assert cache.get(11 * S, 10 * S, 10 * S) == raw(10)
     with pytest.raises(RequestError, match="older than the goal's observation"):
         cache.get(11 * S, 10 * S + 1, 0)

@@ -97,7 +97,7 @@ def test_the_arm_goes_back_after_a_failure_as_it_was_told(
     assert result.message == ("it jammed; the arm went back to its ready pose" if back else "it jammed")
     after = bench.log[bench.log.index(at) + 1 :]
     opened = [f"fingers {OPEN:g} with 7"] if rule is AfterFailure.OPEN else []
-    wanted = [line.replace("from at 2", "from at 3").replace("from at 1", "from at 2") for line in BACK]
+    wanted = [line.replace("from at 2", "from at 4").replace("from at 1", "from at 3") for line in BACK]
     assert after == ([*opened, *wanted] if back else [])
 
 
@@ -133,7 +133,7 @@ def test_a_way_out_that_fails_is_told_with_the_miss(bench: PlayedRun, may_recove
 def test_an_error_of_the_way_out_leaves_the_arm_where_it_is(bench: PlayedRun) -> None:
     bench.config = replace(CONFIG, after_failure=AfterFailure.KEEP)
     bench.empties = [True]
-    bench.fail = {"home from at 2 in grid of first cloud seen at 1 with shape": PlanningError("no way")}
+    bench.fail = {"home from at 3 in grid of first cloud seen at 1 with shape": PlanningError("no way")}
     result = bench.run()
     words = "the fingers closed on nothing; the arm stays where it is: no way"
     assert (result.outcome, result.message) == (Outcome.GRASP_MISSED, words)

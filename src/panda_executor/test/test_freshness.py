@@ -79,15 +79,16 @@ def test_no_cloud_from_before_perceptions_complaint_is_given_out() -> None:
     with pytest.raises(RequestError, match="the camera was moved"):
         cache.get(10 * S, 0, 0)
     cache.put(raw(10.0))
-    assert cache.get(11 * S, 0, 0) == raw(10.0) == cache.newest(11 * S)
+    assert cache.get(11 * S, 0, 0) == raw(10.0) == cache.since(11 * S, 0)
     cache.complain("the camera was moved", 11 * S)
-    assert cache.newest(11 * S) is None
+    with pytest.raises(RequestError, match="the camera was moved"):
+        cache.since(11 * S, 0)
     with pytest.raises(RequestError, match="the camera was moved"):
         cache.get(12 * S, 0, 0)
     cache.put(raw(11.5))
     assert cache.get(12 * S, 0, 0) == raw(11.5), "the camera was put back"
     cache.complain("by another clock", 900 * S)
-    assert cache.get(12 * S, 0, 0) == raw(11.5) == cache.newest(12 * S)
+    assert cache.get(12 * S, 0, 0) == raw(11.5) == cache.since(12 * S, 0)
 
 
 @pytest.fixture

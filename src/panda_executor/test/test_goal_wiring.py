@@ -193,22 +193,37 @@ def test_a_cloud_in_another_frame_is_refused_at_once(bench: Bench) -> None:
     assert bench.sleeps == 0
 
 
-def test_a_look_at_a_cloud_that_cannot_be_used_finds_none_and_says_so(bench: Bench) -> None:
-    looked: list[Any] = []
+def looks(bench: Bench) -> Callable[[], ActionResult]:
+    """Depart at 10 s, after the newest cloud, and look."""
 
     def act() -> ActionResult:
-        looked.append(bench.given.look())
-        bench.see(10.0, "map")
-        looked.append(bench.given.look())
-        bench.see(10.0)
-        looked.append(bench.given.look().shape)
-        return ActionResult(Outcome.SUCCEEDED, "done")
+        bench.given.on_phase(Phase.CARRY, 0.5)
+        return ActionResult(Outcome.SUCCEEDED, f"{bench.given.look().shape[0]} points")
 
-    bench.act = act
-    bench.ask()
-    assert looked == [None, None, (3, 3)]
-    words = "the object is not looked at again: the point cloud is in frame 'map', expected 'panda_link0'"
-    assert bench.words[0] == words
+    bench.see(9.9)
+    return act
+
+
+def test_a_last_look_waits_for_a_cloud_from_after_the_departure(bench: Bench) -> None:
+    bench.act = looks(bench)
+    bench.on_sleep = lambda: bench.see(10.0) if bench.sleeps == 3 else None
+    assert bench.ask().message == "3 points"
+    assert bench.sleeps == 3
+
+
+@pytest.mark.parametrize("stop", [False, True])
+def test_a_last_look_waits_no_longer_than_was_said_or_until_a_stop(bench: Bench, stop: bool) -> None:
+    bench.act = looks(bench)
+    bench.on_sleep = lambda: setattr(bench, "is_cancel_requested", stop and bench.sleeps == 2)
+    unseen = bench.ask()
+    assert (unseen.refusal, unseen.refusal_value) == (Refusal.OLD_CLOUD, pytest.approx(0.1))
+    assert bench.sleeps == (2 if stop else 5), "a second, and the look that found it over"
+
+
+def test_a_last_look_at_a_cloud_in_another_frame_is_none(bench: Bench) -> None:
+    bench.act = looks(bench)
+    bench.see(10.0, "map")
+    assert "the point cloud is in frame 'map', expected 'panda_link0'" in bench.ask().message
 
 
 @pytest.mark.parametrize("by", ["stop", "cancel", "silence"])

@@ -109,12 +109,21 @@ def test_the_way_down_goes_to_where_the_object_is_now(
     assert (found.descend, found.raise_up) == ("down", "up") and replace(found, **others).motions == plan.motions
 
 
-@pytest.mark.parametrize(("by", "follow"), [((0.003, -0.0039), True), ((0.01, 0.01), False)])
-def test_a_plan_stays_where_the_object_went_too_little_or_a_person_approved_it(
-    own: TransferPlanner, plan: PickPlacePlan, monkeypatch: pytest.MonkeyPatch, by: tuple[float, float], follow: bool
+@pytest.mark.parametrize("follow", [True, False])
+def test_a_plan_stays_where_the_object_went_too_little(
+    own: TransferPlanner, plan: PickPlacePlan, monkeypatch: pytest.MonkeyPatch, follow: bool
 ) -> None:
-    asked = follows(own, plan, monkeypatch, by, True)
+    asked = follows(own, plan, monkeypatch, (0.003, -0.0039), True)
     assert own.found_again(plan, CLOUD, follow) is plan and asked == []
+
+
+def test_a_plan_that_may_not_be_changed_is_given_up_where_it_would_be(
+    own: TransferPlanner, plan: PickPlacePlan, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked = follows(own, plan, monkeypatch, (0.003, 0.0041), True)
+    with pytest.raises(PlanningError, match=r"^the object moved by 5 mm, and what a person approved is not changed$"):
+        own.found_again(plan, CLOUD, False)
+    assert asked == []
 
 
 def test_an_object_that_went_where_no_way_is_free_is_left(

@@ -41,6 +41,7 @@ GRASP = Grasp(
     cell=CELL,
     spare=0.006,
     hand=HAND,
+    high=np.zeros((0, 2)),
 )
 
 

@@ -77,8 +77,8 @@ def test_a_goal_is_run_with_all_that_came_with_it() -> None:
         plans.append(motions)
         return True
 
-    def look() -> None:
-        return None
+    def look() -> np.ndarray:
+        return CLOUD
 
     result = runner.run(
         GOAL, CLOUD, SPACE, lambda phase, share: phases.append((phase, share)), lambda: True, on_plan, look
@@ -108,7 +108,7 @@ def test_a_cloud_may_be_fetched_only_when_it_is_needed() -> None:
     assert run.source() is CLOUD
     no_motions: list[Motion] = []
     assert run.commands.should_stop() is False and run.commands.offer(no_motions) is False
-    assert run.look() is None
+    assert run.look is None, "nothing but the arm moves"
     run.commands.progress(Phase.CARRY, 0.0)
 
 
