@@ -99,13 +99,13 @@ class MotionBuilder:
     ) -> Motion | None:
         """Plan a straight line of the tcp from where `start` (7,) puts it to `end_pose`; None when that fails.
 
-        speed: of the tcp at most [m/s]; that near objects when it is None.
+        speed: of the tcp at most [m/s]; that near objects when it is None, and never more than elsewhere.
         """
         waypoints = self.cartesian_waypoints(start, end_pose)
         if waypoints is None or not scene.is_valid(waypoints[-1]):
             return None
         try:
-            near = speed or self.config.timing.tcp_speed_near
+            near = min(speed or self.config.timing.tcp_speed_near, self.config.timing.tcp_speed)
             return self._timed(phase, waypoints, scene, near, self.config.straightness)
         except TrajectoryError:
             return None

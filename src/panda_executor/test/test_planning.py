@@ -118,19 +118,26 @@ def test_a_straight_motion_keeps_to_its_line(planner: TransferPlanner, free_scen
         np.testing.assert_allclose(np.abs(a), np.abs(b), atol=1e-6)
 
 
-@pytest.mark.parametrize("speed", [None, 0.1])
+@pytest.mark.parametrize(("speed", "elsewhere"), [(None, 1.0), (0.1, 1.0), (None, 0.08), (0.25, 0.08)])
 def test_a_straight_motion_near_things_is_slow(
-    planner: TransferPlanner, free_scene: Scene, speed: float | None
+    planner: TransferPlanner,
+    free_scene: Scene,
+    speed: float | None,
+    elsewhere: float,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    """And never faster than the arm may be elsewhere."""
+    assert planner.config.timing.tcp_speed_near <= 0.25 < planner.config.timing.tcp_speed
+    timing = replace(planner.config.timing, tcp_speed=elsewhere)
+    monkeypatch.setattr(planner.motions, "config", replace(planner.config, timing=timing))
     start = above(planner, 0.5, 0.1, 0.35)
     motion = planner.motions.straight(Phase.DESCEND, start, hand_down_pose(0.5, 0.1, 0.02, 0.0), free_scene, speed)
     assert motion is not None
     times = np.linspace(0.0, motion.trajectory.duration, 400)
     tcp = np.array([planner.model.tcp_arrays(q)[1] for q in motion.trajectory.sample(times)[0]])
     fastest = float((np.linalg.norm(np.diff(tcp, axis=0), axis=1) / np.diff(times)).max())
-    limit = planner.config.timing.tcp_speed_near if speed is None else speed
+    limit = min(timing.tcp_speed_near if speed is None else speed, elsewhere)
     assert 0.8 * limit < fastest < 1.02 * limit
-    assert planner.config.timing.tcp_speed_near <= 0.25 < planner.config.timing.tcp_speed
 
 
 def test_a_straight_motion_into_the_table_is_none(planner: TransferPlanner, free_scene: Scene) -> None:
