@@ -52,7 +52,7 @@ def bench(tmp_path: Path) -> Iterator[tuple[Processes, TableArm, ArmUser]]:
     processes.node("driver", "panda_driver.node", heartbeat_timeout=5.0, stiffness=STIFFNESS, **driver)
     user = ArmUser(domain)
     user.wait(lambda: bool(user.joints), 60.0)
-    executor = {"robot": "fr3", "use_sim_time": True, "auto_approve": True, **PATIENT}
+    executor = {"robot": "fr3", "use_sim_time": True, "auto_approve": True, "guard_silence": 0.0, **PATIENT}
     processes.node("executor", "panda_executor.main", **executor)
     assert user.pick_place.wait_for_server(60.0)
     yield processes, arm, user

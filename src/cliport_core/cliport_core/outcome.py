@@ -54,6 +54,7 @@ class Refusal(IntEnum):
     NOT_APPROVED = 11
     OWNER_SILENT = 12
     NO_OWNER = 13
+    NO_GUARD = 14
 
     @classmethod
     def from_number(cls, number: int) -> Refusal:

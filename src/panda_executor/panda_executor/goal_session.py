@@ -23,8 +23,7 @@ from panda_executor.cloud_cache import CloudCache
 from panda_executor.errors import RequestError
 from panda_executor.gate import Gate
 from panda_executor.node_parameters import NodeParameters
-from panda_executor.owned_runs import GoalFeedback, OwnedRuns
-from panda_executor.owner_watch import OwnerWatch
+from panda_executor.owned_runs import GoalFeedback, OwnedRuns, Watchers
 from panda_executor.phase import Phase
 from panda_executor.ports import ShouldStop
 from panda_executor.runner import PickPlaceRunner
@@ -43,12 +42,11 @@ class GoalSession:
         parameters: NodeParameters,
         gate: Gate,
         now_ns: Callable[[], int],
-        owners: OwnerWatch | None = None,
-        approvals: Approvals | None = None,
+        watchers: Watchers,
+        approvals: Approvals,
     ) -> None:
-        owners = owners or OwnerWatch(time.monotonic, parameters.owner_silence)
-        self._owned = OwnedRuns(gate, owners, parameters.require_owner)
-        self._approvals = approvals or Approvals(parameters.approval_time)
+        self._owned = OwnedRuns(gate, watchers.owners, parameters.require_owner)
+        self._approvals, self._guard = approvals, watchers.guard
         self._runner, self._clouds, self._camera, self._parameters = runner, clouds, camera, parameters
         self._now_ns = now_ns
         self._still_since_ns = 0
@@ -76,7 +74,7 @@ class GoalSession:
             goal = goal_from_msg(message, frame)
         except GoalError as error:
             raise RequestError(str(error)) from None
-        self._owned.check(goal.owner, goal.plan_only)
+        self._check_watched(goal.owner, goal.plan_only, should_stop)
 
         def look() -> npt.NDArray[np.float32]:
             departed = max(departures.values(), default=0)
@@ -105,7 +103,7 @@ class GoalSession:
             goal = hand_goal_from_msg(message, self._parameters.robot.base_frame)
         except GoalError as error:
             raise RequestError(str(error)) from None
-        self._owned.check(goal.owner, goal.plan_only)
+        self._check_watched(goal.owner, goal.plan_only, should_stop)
 
         def cloud() -> npt.NDArray[np.float32] | None:
             if not goal.blind:
@@ -120,6 +118,12 @@ class GoalSession:
             )
         finally:
             self._still_since_ns = self._now_ns()
+
+    def _check_watched(self, owner: str, plan_only: bool, should_stop: ShouldStop) -> None:
+        """Check that a goal that moves the arm has an owner and a guard. Raises RequestError."""
+        self._owned.check(owner, plan_only)
+        if not plan_only:
+            self._patiently(self._guard.check, should_stop)  # one that has just begun reports soon
 
     def _feedback(
         self,

@@ -19,13 +19,14 @@ from cliport_core import topics
 from cliport_core.heartbeat import Heartbeat
 from cliport_core.messages import pose_from_transform_msg, stamp_from_msg
 from cliport_core.raw_header import header_of_raw
-from cliport_core.ros_camera_complaints import hear_camera_complaints
+from cliport_core.ros_camera_complaints import camera_complaints
 from panda_executor import conversions
 from panda_executor.approvals import Approvals
 from panda_executor.camera_place import CameraPlace
 from panda_executor.cloud_cache import CloudCache
 from panda_executor.gate import Gate
 from panda_executor.goal_session import GoalSession
+from panda_executor.guard_watch import GUARD_STATUS, GuardWatch
 from panda_executor.health import AgeLimits, assess
 from panda_executor.joint_tracker import JointTracker
 from panda_executor.model import PandaModel
@@ -35,6 +36,7 @@ from panda_executor.node_goals import GoalServers
 from panda_executor.node_parameters import NodeParameters, read_parameters
 from panda_executor.node_preview import PlanPreviews
 from panda_executor.node_services import PersonServices
+from panda_executor.owned_runs import Watchers
 from panda_executor.owner_watch import OwnerWatch
 from panda_executor.runner import PickPlaceRunner
 from panda_executor.surroundings import Surroundings
@@ -65,11 +67,13 @@ class ExecutorNode(Node):
         self._controllers = Controllers(self, parameters, self._joints, self.gate.note_motion, self._calls)
         self._runner = self._make_runner(parameters)
         self._owners = OwnerWatch(time.monotonic, parameters.owner_silence)
+        self._guard = GuardWatch(time.monotonic, parameters.guard_silence)
         previews = PlanPreviews(self, self._runner.planner.model, robot.base_frame)
         self._approvals = Approvals(parameters.approval_time, show=previews.show)
         self._session = GoalSession(
-            self._runner, self._clouds, self._camera, parameters, self.gate, self._now_ns, self._owners, self._approvals
-        )
+            self._runner, self._clouds, self._camera, parameters, self.gate, self._now_ns,
+            Watchers(self._owners, self._guard), self._approvals,
+        )  # fmt: skip
         self._subscribe()
         self._offer()
 
@@ -87,7 +91,7 @@ class ExecutorNode(Node):
             callback_group=MutuallyExclusiveCallbackGroup(),
         )  # fmt: skip
         self.create_subscription(JointState, topics.JOINT_STATES, self._on_joints, best_effort, callback_group=data)
-        hear_camera_complaints(self, self._clouds.complain, data)
+        self.create_subscription(DiagnosticArray, topics.DIAGNOSTICS, self._on_report, 20, callback_group=data)
         self.create_subscription(String, topics.OWNER_HEARTBEAT, self._on_owner, 20, callback_group=data)
         latched = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self.create_subscription(TFMessage, topics.TF_STATIC, self._on_transforms, latched, callback_group=data)
@@ -118,6 +122,12 @@ class ExecutorNode(Node):
 
     def _on_joints(self, message: JointState) -> None:
         self._joints.update(message.name, message.position, stamp_from_msg(message.header.stamp))
+
+    def _on_report(self, message: DiagnosticArray) -> None:
+        for words in camera_complaints(message):
+            self._clouds.complain(words, stamp_from_msg(message.header.stamp))
+        if any(status.name == GUARD_STATUS for status in message.status):
+            self._guard.on_report()
 
     def _on_owner(self, message: String) -> None:
         self._owners.on_beat(str(message.data))

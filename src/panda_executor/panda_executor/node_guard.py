@@ -23,6 +23,7 @@ from cliport_core.ros_running import run_node
 from panda_executor.action_call import cancel_service
 from panda_executor.errors import ExecutorError
 from panda_executor.guard import Fault, Guard, GuardConfig
+from panda_executor.guard_watch import GUARD_STATUS
 from panda_executor.parameter_checks import not_negative, positive
 from panda_model.ros_parameters import declare_robot
 
@@ -101,7 +102,7 @@ class GuardNode(Node):
     def _report(self) -> None:
         words = "watching" if self._last is None else f"last cancelled everything because {self._last.value}"
         level = DiagnosticStatus.OK if self._last is None else DiagnosticStatus.WARN
-        status = DiagnosticStatus(level=level, name="panda_guard: arm", message=words, hardware_id="arm")
+        status = DiagnosticStatus(level=level, name=GUARD_STATUS, message=words, hardware_id="arm")
         message = DiagnosticArray(status=[status])
         message.header.stamp = self.get_clock().now().to_msg()
         self._diagnostics.publish(message)

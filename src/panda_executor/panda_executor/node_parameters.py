@@ -32,7 +32,8 @@ class NodeParameters:
     the arm [m]; owner_silence: of a motion's owner, until the motion is stopped; work_silence: between two looks at
     a motion, until the heartbeat ends; cameras: how many perception joins.
 
-    require_owner: whether a goal that moves must name who asks for it.
+    require_owner: whether a goal that moves must name who asks for it. guard_silence: of a guard that lives [s]; 0 asks
+    for none.
 
     robot_description: the user's own URDF, as a path or as XML; empty: the preset's.
     """
@@ -49,6 +50,7 @@ class NodeParameters:
     auto_approve: bool
     approval_time: float
     require_owner: bool
+    guard_silence: float
     self_clearance: float
     watch: ArmWatch
     owner_silence: float
@@ -91,6 +93,7 @@ def read_parameters(node: Node) -> NodeParameters:
         auto_approve=bool(get("auto_approve", False)),
         approval_time=positive(get, "approval_time", 30.0),
         require_owner=bool(get("require_owner", True)),
+        guard_silence=not_negative(get, "guard_silence", 3.0),
         self_clearance=positive(get, "self_clearance", 0.03),
         max_ahead=not_negative(get, "max_ahead", 0.25),
         watch=_read_watch(get),

@@ -5,13 +5,14 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 from cliport_core import topics
 from cliport_core.outcome import ActionResult, Outcome, Refusal
 from panda_executor.approvals import Approvals
 from panda_executor.errors import RequestError
 from panda_executor.gate import Gate
+from panda_executor.guard_watch import GuardWatch
 from panda_executor.motions import Motion
 from panda_executor.owner_watch import OwnerWatch
 from panda_executor.phase import Phase
@@ -74,6 +75,13 @@ class GoalFeedback:
             self.on_phase(Phase.APPROVAL, Phase.APPROVAL.progress())
             self._approvals.wait(self._plan_id, self._should_stop)
         return self._waits
+
+
+class Watchers(NamedTuple):
+    """Watchers of those who are to live while the arm moves."""
+
+    owners: OwnerWatch
+    guard: GuardWatch
 
 
 class OwnedRuns:

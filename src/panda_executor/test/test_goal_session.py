@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import time
 from collections.abc import Callable
 from typing import Any
 
@@ -24,7 +25,10 @@ from panda_executor.config import ExecutorConfig
 from panda_executor.errors import RequestError
 from panda_executor.gate import Gate
 from panda_executor.goal_session import GoalSession
+from panda_executor.guard_watch import GuardWatch
 from panda_executor.node_parameters import NodeParameters
+from panda_executor.owned_runs import Watchers
+from panda_executor.owner_watch import OwnerWatch
 from panda_executor.phase import Phase
 from panda_model import load_preset
 
@@ -64,8 +68,8 @@ class Session:
         parameters = NodeParameters(
             load_preset("panda"), "", ExecutorConfig(), WorkspaceSpec(),
             max_cloud_age=2.0, max_joint_age=0.5, cloud_behind=0.0, cloud_wait=0.0, max_ahead=0.25,
-            auto_approve=auto_approve, approval_time=approval_time, require_owner=True, self_clearance=0.03,
-            watch=ArmWatch(),
+            auto_approve=auto_approve, approval_time=approval_time, require_owner=True,
+            guard_silence=3.0, self_clearance=0.03, watch=ArmWatch(),
             owner_silence=0.3, work_silence=0.25, cameras=1,
         )  # fmt: skip
         camera = CameraPlace("panda_link0")
@@ -73,8 +77,12 @@ class Session:
         camera.see("camera")
         self.planner, self.camera_position = self, np.full(3, np.nan)
         self.approvals = Approvals(parameters.approval_time)
+        self.steady = 10.0
+        self.guard = GuardWatch(lambda: self.steady, parameters.guard_silence)
+        self.guard.on_report()
         self._session = GoalSession(
-            self, self.clouds, camera, parameters, self.gate, lambda: int(self.now * S), approvals=self.approvals,  # type: ignore[arg-type]
+            self, self.clouds, camera, parameters, self.gate, lambda: int(self.now * S),  # type: ignore[arg-type]
+            Watchers(OwnerWatch(time.monotonic, 0.3), self.guard), self.approvals,
         )  # fmt: skip
 
     def run(
@@ -192,6 +200,22 @@ def test_a_motion_that_nobody_owns_is_refused(session: Session) -> None:
     only_planned = Handle()
     only_planned.request.owner, only_planned.request.plan_only = "", True
     assert session.ask(only_planned)[0].outcome is Outcome.PLANNED
+
+
+def test_a_motion_that_no_guard_watches_is_refused(session: Session) -> None:
+    session.steady = 13.5
+    session.see(10.0)
+    session.act = lambda _: pytest.fail("the runner was asked")
+    refused, _ = session.ask()
+    assert (refused.outcome, refused.refusal) == (Outcome.REJECTED, Refusal.NO_GUARD)
+    assert (refused.refusal_value, refused.refusal_limit) == (3.5, 3.0)
+    session.act = lambda _: Outcome.PLANNED
+    only_planned = Handle()
+    only_planned.request.plan_only = True
+    assert session.ask(only_planned)[0].outcome is Outcome.PLANNED
+    session.guard.on_report()
+    session.act = lambda _: Outcome.SUCCEEDED
+    assert session.ask()[0].outcome is Outcome.SUCCEEDED
 
 
 def test_a_motion_that_failed_counts_as_one(session: Session) -> None:

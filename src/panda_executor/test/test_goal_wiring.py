@@ -26,6 +26,8 @@ from panda_executor.cloud_cache import CloudCache
 from panda_executor.errors import RequestError
 from panda_executor.gate import Gate
 from panda_executor.goal_session import GoalSession
+from panda_executor.guard_watch import GuardWatch
+from panda_executor.owned_runs import Watchers
 from panda_executor.owner_watch import OwnerWatch
 from panda_executor.phase import Phase
 from panda_model import load_preset
@@ -59,8 +61,8 @@ class Bench:
             monkeypatch.setattr(module, "time", clock)
         self.planner = SimpleNamespace(place_cameras=lambda position: self.words.append(f"camera at {position}"))
         self.session = GoalSession(
-            self, self.clouds, self.camera, parameters, self.gate, lambda: int(self.now * S), self.owners,  # type: ignore[arg-type]
-            self.approvals,
+            self, self.clouds, self.camera, parameters, self.gate, lambda: int(self.now * S),  # type: ignore[arg-type]
+            Watchers(self.owners, GuardWatch(lambda: self.steady, 0.0)), self.approvals,
         )  # fmt: skip
 
     def _sleep(self, seconds: float) -> None:

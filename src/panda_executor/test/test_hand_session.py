@@ -24,6 +24,8 @@ from panda_executor.camera_place import CameraPlace
 from panda_executor.cloud_cache import CloudCache
 from panda_executor.gate import Gate
 from panda_executor.goal_session import GoalSession
+from panda_executor.guard_watch import GuardWatch
+from panda_executor.owned_runs import Watchers
 from panda_executor.owner_watch import OwnerWatch
 from panda_executor.phase import Phase
 from panda_model import load_preset
@@ -43,6 +45,7 @@ class Bench:
         self.clouds_got, self.camera_at = list[Any](), list[Any]()
         self.gate, self.clouds, self.camera = Gate(), CloudCache(), CameraPlace("panda_link0")
         self.approvals = Approvals(0.05)
+        self.guard = GuardWatch(lambda: 64.0, 0.0)
         self.planner = SimpleNamespace(place_cameras=self.camera_at.append)
         self.now = 10.0
         parameters: Any = SimpleNamespace(
@@ -51,7 +54,7 @@ class Bench:
         )  # fmt: skip
         self.session = GoalSession(
             self, self.clouds, self.camera, parameters, self.gate, lambda: int(self.now * S),  # type: ignore[arg-type]
-            OwnerWatch(lambda: 64.0, 0.3), self.approvals,
+            Watchers(OwnerWatch(lambda: 64.0, 0.3), self.guard), self.approvals,
         )  # fmt: skip
 
     def move_hand(
@@ -119,6 +122,14 @@ def test_any_other_motion_waits_for_a_cloud_from_after_the_last_one() -> None:
     assert bench.ask().outcome is Outcome.SUCCEEDED and bench.clouds_got[0].shape == (3, 3)
     bench.see(14.9)
     assert bench.ask().refusal is Refusal.OLD_CLOUD
+
+
+def test_a_motion_that_no_guard_watches_is_refused() -> None:
+    bench = Bench()
+    bench.guard._longest = 3.0
+    assert (bench.ask().refusal, bench.given) == (Refusal.NO_GUARD, [])
+    bench.guard.on_report()
+    assert bench.ask().outcome is Outcome.SUCCEEDED
 
 
 def test_a_motion_that_nobody_owns_is_refused() -> None:

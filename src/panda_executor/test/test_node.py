@@ -141,7 +141,9 @@ def graph() -> Iterator[Graph]:
 
 @pytest.fixture
 def process() -> Iterator[subprocess.Popen[str]]:
-    process = start_executor("require_owner:=false", "cloud_wait:=0.3", "max_joint_age:=60.0", "max_cloud_age:=60.0")
+    process = start_executor(
+        "require_owner:=false", "guard_silence:=0.0", "cloud_wait:=0.3", "max_joint_age:=60.0", "max_cloud_age:=60.0"
+    )
     yield process
     if process.poll() is None:
         process.kill()

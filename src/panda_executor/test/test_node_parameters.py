@@ -37,8 +37,8 @@ def read(**values: Any) -> NodeParameters:
 
 
 FINITE = ("max_joint_age", "max_cloud_age", "cloud_wait", "cloud_behind", "max_ahead", "table_z", "owner_silence",
-          "work_silence", "approval_time", "planning_time", "search_time", "tcp_speed", "goal_time", "arm_clearance",
-          "load_clearance", "own_margin", "clearance", "straightness")  # fmt: skip
+          "guard_silence", "work_silence", "approval_time", "planning_time", "search_time", "tcp_speed", "goal_time",
+          "arm_clearance", "load_clearance", "own_margin", "clearance", "straightness")  # fmt: skip
 
 
 @pytest.mark.parametrize("name", FINITE)

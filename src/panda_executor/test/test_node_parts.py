@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from types import SimpleNamespace
 from typing import Any
 
@@ -26,7 +27,9 @@ from cliport_interfaces.action import MoveHand, PickPlace
 from panda_executor import node as node_module
 from panda_executor import node_goals
 from panda_executor.camera_place import CameraPlace
+from panda_executor.errors import RequestError
 from panda_executor.gate import Gate
+from panda_executor.guard_watch import GuardWatch
 from panda_executor.health import AgeLimits
 from panda_executor.joint_tracker import JointTracker
 from panda_executor.node import ExecutorNode
@@ -60,6 +63,7 @@ class Bench:
             monkeypatch.setattr(ExecutorNode, name, staticmethod(value))
         node.gate, node._joints, node._camera = Gate(), JointTracker(ARM, ("f",)), CameraPlace("base")
         node._owners = OwnerWatch(lambda: self.steady, 0.1)
+        node._guard = GuardWatch(lambda: self.steady, 3.0)
         clouds: Any = SimpleNamespace(put=lambda raw: None, complain=None, age=lambda now_ns: 0.5)
         controllers: Any = SimpleNamespace(
             arm_ready=True, gripper_ready=True, stop=lambda: None,
@@ -106,6 +110,13 @@ def test_what_perception_refuses_a_camera_for_reaches_the_clouds(bench: Bench) -
     ]
     bench.subscriptions["/diagnostics"][0](DiagnosticArray(header=Header(stamp=stamp_to_msg(7 * S)), status=statuses))
     assert heard == [("perception refuses the camera's data: it was moved", 7 * S)]
+
+
+def test_the_guards_reports_are_its_signs_of_life(bench: Bench) -> None:
+    for name, watches in (("panda_executor: arm", False), ("panda_guard: arm", True)):
+        bench.node._on_report(DiagnosticArray(status=[DiagnosticStatus(name=name, level=DiagnosticStatus.WARN)]))
+        with nullcontext() if watches else pytest.raises(RequestError, match="no guard has been heard yet"):
+            bench.node._guard.check()
 
 
 def test_the_camera_is_found_also_after_a_transform_that_is_none(bench: Bench) -> None:
@@ -216,7 +227,7 @@ def test_what_is_heard_and_how(bench: Bench) -> None:
         "/cliport/points": node._clouds.put,
         "/joint_states": node._on_joints,
         "/cliport/owner_heartbeat": node._on_owner,
-        "/diagnostics": heard["/diagnostics"],
+        "/diagnostics": node._on_report,
         "/tf_static": node._on_transforms,
     }
     qos = {topic: qos for topic, (_, qos, _) in bench.subscriptions.items()}

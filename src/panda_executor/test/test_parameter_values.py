@@ -53,6 +53,7 @@ def test_the_defaults() -> None:
         auto_approve=False,
         approval_time=30.0,
         require_owner=True,
+        guard_silence=3.0,
         self_clearance=0.03,
         watch=ArmWatch(),
         owner_silence=0.3,
@@ -63,7 +64,7 @@ def test_the_defaults() -> None:
 
 
 TIMES = ("max_cloud_age", "max_joint_age", "cloud_behind", "cloud_wait", "max_ahead", "approval_time",
-         "self_clearance", "owner_silence", "work_silence")  # fmt: skip
+         "self_clearance", "owner_silence", "guard_silence", "work_silence")  # fmt: skip
 
 
 @pytest.mark.parametrize("name", TIMES)
@@ -216,8 +217,8 @@ def test_what_may_be_nothing(name: str) -> None:
 
 @pytest.mark.parametrize(
     "name",
-    [*sorted(set(TIMES) - {"cloud_behind", "cloud_wait", "max_ahead"}), "path_tolerance", "goal_time", "tcp_speed",
-     "tcp_speed_near", "table_tolerance", "planning_time", "follow_from", "search_time", "straightness"],
+    [*sorted(set(TIMES) - {"cloud_behind", "cloud_wait", "max_ahead", "guard_silence"}), "path_tolerance", "goal_time",
+     "tcp_speed", "tcp_speed_near", "table_tolerance", "planning_time", "follow_from", "search_time", "straightness"],
 )  # fmt: skip
 def test_what_must_be_positive(name: str) -> None:
     read(**{name: 0.001})
