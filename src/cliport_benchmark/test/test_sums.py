@@ -144,9 +144,10 @@ def test_a_line_of_the_experiments_table() -> None:
     lines = table([score, other]).splitlines()
     paper = (YARDSTICK.score("1", SEEN, 100), YARDSTICK.score("4", SEEN, 100))
     assert None not in paper
+    unknown = " | ".join(["unknown"] * 3)
     cells = f"90.0 | 70.5 | {paper[0]:.1f} |  | 99 | 81.2 | {paper[1]:.1f}"
-    assert lines[2] == f"| {SEEN} | compact | 100 | {cells} | 500 | CLIPORT (single) |"
-    assert lines[3] == f"| {UNSEEN} | mine | 7 |  |  |  | 20.0 | 1 | 1.0 |  | 500 |  |"
+    assert lines[2] == f"| {SEEN} | compact | 100 | {cells} | 500 | CLIPORT (single) | {unknown} |"
+    assert lines[3] == f"| {UNSEEN} | mine | 7 |  |  |  | 20.0 | 1 | 1.0 |  | 500 |  | {unknown} |"
     assert replace(score, comparable=False).paper_test is None and replace(score, own_task=UNSEEN).paper_val is None
     assert replace(score, own_task="a task before it").paper_val is None
 

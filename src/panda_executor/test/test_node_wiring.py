@@ -21,7 +21,7 @@ from panda_model import load_preset
 PANDA = load_preset()
 PARAMETERS = SimpleNamespace(
     robot=PANDA, robot_description="<robot/>", config="config", max_joint_age=0.4, max_cloud_age=1.5, max_ahead=0.2,
-    cloud_behind=0.1, owner_silence=0.3, approval_time=12.0, self_clearance=0.04, cameras=2,
+    cloud_behind=0.1, owner_silence=0.3, guard_silence=2.5, approval_time=12.0, self_clearance=0.04, cameras=2,
 )  # fmt: skip
 
 
@@ -34,7 +34,7 @@ class Bench:
         self.calls: list[str] = []
         parts = (
             "JointTracker", "CloudCache", "CameraPlace", "Controllers", "OwnerWatch", "PlanPreviews", "Approvals",
-            "GoalSession", "PandaModel", "TransferPlanner", "PickPlaceRunner",
+            "GuardWatch", "GoalSession", "PandaModel", "TransferPlanner", "PickPlaceRunner",
         )  # fmt: skip
         for name in parts:
             monkeypatch.setattr(module, name, self._maker(name))
@@ -93,10 +93,11 @@ def test_each_part_is_given_what_is_meant_for_it(monkeypatch: pytest.MonkeyPatch
     assert made["OwnerWatch"][0][1] == 0.3
     assert made["PlanPreviews"][0] == (node, "the model", PANDA.base_frame)
     assert made["Approvals"] == ((12.0,), {"show": "show"})
-    *parts, now_ns, owners, approvals = made["GoalSession"][0]
+    assert made["GuardWatch"][0][1] == 2.5
+    *parts, now_ns, watchers, approvals = made["GoalSession"][0]
     assert parts[3] is PARAMETERS and parts[4] is node.gate and now_ns() == 42
-    names = [name_of(part) for part in (*parts[:3], owners, approvals)]
-    assert names == ["PickPlaceRunner", "CloudCache", "CameraPlace", "OwnerWatch", "Approvals"]
+    names = [name_of(part) for part in (*parts[:3], *watchers, approvals)]
+    assert names == ["PickPlaceRunner", "CloudCache", "CameraPlace", "OwnerWatch", "GuardWatch", "Approvals"]
     assert bench.calls == ["node panda_executor", "subscribe", "offer"], "it offers once it can hear"
     assert bench.words == []
 
