@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from rclpy.callback_groups import CallbackGroup
 from rclpy.node import Node
 
 from cliport_core import topics
@@ -14,14 +14,15 @@ from cliport_core.messages import stamp_from_msg
 Complain = Callable[[str, int], None]  # a sentence, and its time [ns, ROS time]
 
 
-def hear_camera_complaints(node: Node, complain: Complain, group: CallbackGroup | None = None) -> None:
-    """Subscribe a node to them; group: of its callbacks."""
+def hear_camera_complaints(node: Node, complain: Complain) -> None:
+    """Subscribe a node to them."""
+    node.create_subscription(DiagnosticArray, topics.DIAGNOSTICS, partial(pass_complaints_on, complain), 20)
 
-    def on_report(message: DiagnosticArray) -> None:
-        for words in camera_complaints(message):
-            complain(words, stamp_from_msg(message.header.stamp))
 
-    node.create_subscription(DiagnosticArray, topics.DIAGNOSTICS, on_report, 20, callback_group=group)
+def pass_complaints_on(complain: Complain, message: DiagnosticArray) -> None:
+    """Call `complain` for each camera that the message says is refused."""
+    for words in camera_complaints(message):
+        complain(words, stamp_from_msg(message.header.stamp))
 
 
 def camera_complaints(message: DiagnosticArray) -> list[str]:

@@ -80,7 +80,7 @@ class Grasp:
     @property
     def half_height(self) -> float:
         """Half-way between what the object stands on and its highest part [m, base frame]."""
-        return (self.support_z + self.top_z) / 2.0
+        return _half_way(self.support_z, self.top_z)
 
     def held(self, flip: float = 0.0) -> HeldObject:
         """Return the object between fingers at `yaw + flip` [rad]."""
@@ -91,6 +91,10 @@ class Grasp:
             below=max(self.tcp_z - self.support_z - _SUPPORT_TOLERANCE, self.hand.fingertip_below_tcp),
             above=max(self.top_z - self.tcp_z, 0.0),
         )
+
+    def owns(self, points: npt.NDArray[np.float32]) -> BoolArray:
+        """Return a mask of the points (N, 3) [m] of the object, its blurred edge too; what is over it is none."""
+        return self.covers(points, OWN_MARGIN) & (points[:, 2] < self.top_z + OWN_MARGIN)  # NaN compares false
 
     def raised(self, by: float) -> Grasp:
         """Return the same grasp nearer to the object's top, by at most `by` [m]."""
@@ -174,6 +178,10 @@ def _grasps_of(
     return grasps, problems[0]
 
 
+def _half_way(support_z: float, top_z: float) -> float:
+    return (support_z + top_z) / 2.0
+
+
 def _named(pick: PlanarPose) -> str:
     return f"the pick ({pick.x:.3f}, {pick.y:.3f}) m"
 
@@ -221,7 +229,7 @@ def _grasp(
     core = ndimage.binary_erosion(seen.whole)
     inside = core | (seen.whole & ~ndimage.binary_dilation(core, structure=np.ones((3, 3)), iterations=2))
     inner = np.stack([cells.x[inside] - x, cells.y[inside] - y], axis=-1)
-    high = inside & (cells.top > (seen.support_z + seen.top) / 2.0)
+    high = inside & (cells.top > _half_way(seen.support_z, seen.top))
     high = high if high.any() else inside  # its only high part may be as narrow as a blurred edge
     across = np.abs(footprint @ np.array([-s, c]))
     return Grasp(

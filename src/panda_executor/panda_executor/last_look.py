@@ -13,7 +13,7 @@ from cliport_core.workspace import WorkspaceSpec
 from panda_executor.drag import DragPlan
 from panda_executor.errors import PlanningError, RequestError
 from panda_executor.obstacle_grid import ObstacleGrid
-from panda_executor.place_change import drag_problem, pick_problem, place_problem, raised
+from panda_executor.place_change import LaterView, drag_problem, pick_problem, place_problem, raised
 from panda_executor.request_check import check_cloud
 from panda_executor.run_commands import EarlyEnd, RunCommands
 from panda_executor.transfer import TransferPlanner
@@ -51,20 +51,20 @@ class LastLook:
         if cloud is None:
             return plan
         plan = self._planner.found_again(plan, cloud, follow)
-        self._judge(pick_problem(plan, cloud, self._workspace, self._commands.positions(), self._planner.motions))
+        self._judge(pick_problem(plan, self._view(cloud), self._planner.motions))
         return plan
 
     def at_drag(self, plan: DragPlan) -> None:
         """Check that a drag can begin."""
         cloud = self._seen()
         if cloud is not None:
-            self._judge(drag_problem(plan, cloud, self._workspace, self._commands.positions(), self._planner.motions))
+            self._judge(drag_problem(plan, self._view(cloud), self._planner.motions))
 
     def at_place(self, plan: PickPlacePlan) -> None:
         """Check that what is held can be let go at the place."""
         cloud = self._seen()
         if cloud is not None:
-            self._judge(place_problem(plan, cloud, self._workspace, self._commands.positions(), self._planner.motions))
+            self._judge(place_problem(plan, self._view(cloud), self._planner.motions))
 
     def raised(self, grid: ObstacleGrid, positions: FloatArray) -> ObstacleGrid:
         """Return the plan's columns for the way back: with what came, where a look found that something changed.
@@ -91,6 +91,9 @@ class LastLook:
             raise EarlyEnd(Outcome.EXECUTION_FAILED, words, may_recover=True) from None
         self._changed = cloud  # until it is judged
         return cloud
+
+    def _view(self, cloud: Cloud) -> LaterView:
+        return LaterView(cloud, self._workspace, self._commands.positions())
 
     def _judge(self, problem: str | None) -> None:
         if problem is not None:

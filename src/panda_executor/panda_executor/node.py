@@ -19,7 +19,7 @@ from cliport_core import topics
 from cliport_core.heartbeat import Heartbeat
 from cliport_core.messages import pose_from_transform_msg, stamp_from_msg
 from cliport_core.raw_header import header_of_raw
-from cliport_core.ros_camera_complaints import camera_complaints
+from cliport_core.ros_camera_complaints import pass_complaints_on
 from panda_executor import conversions
 from panda_executor.approvals import Approvals
 from panda_executor.camera_place import CameraPlace
@@ -124,8 +124,7 @@ class ExecutorNode(Node):
         self._joints.update(message.name, message.position, stamp_from_msg(message.header.stamp))
 
     def _on_report(self, message: DiagnosticArray) -> None:
-        for words in camera_complaints(message):
-            self._clouds.complain(words, stamp_from_msg(message.header.stamp))
+        pass_complaints_on(self._clouds.complain, message)
         if any(status.name == GUARD_STATUS for status in message.status):
             self._guard.on_report()
 

@@ -10,7 +10,7 @@ from panda_executor.grasp import Grasp
 from panda_model.limits import FloatArray
 
 _MIN_CELLS = 20  # of the object that must be seen; fewer prove nothing
-_REACH = 0.02  # within this an object is followed, along x and y each [m]
+REACH = 0.02  # within this an object is followed, along x and y each [m]
 _AS_GOOD = 0.03  # of two shifts that explain so nearly the same share of the cells, none is better
 _ABOVE_TOP = 0.02  # what is seen so far above the object is the hand [m]
 
@@ -46,7 +46,7 @@ def seen_shift(cloud: npt.NDArray[np.float32], grasp: Grasp) -> FloatArray | Non
     come from no shift at all: such an object is longer than what is looked at. Zero, too, where less than half of the
     object's place is seen: what stands beside it would be taken for it.
     """
-    border = round(_REACH / grasp.cell)
+    border = round(REACH / grasp.cell)
     highest, own = _highest(cloud, grasp, border)
     known = highest < grasp.top_z + _ABOVE_TOP
     votes = np.where(np.isfinite(highest) & known, np.where(highest >= grasp.half_height, 1, -1), 0)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -12,7 +13,6 @@ from scipy import ndimage
 from cliport_core.workspace import WorkspaceSpec
 from panda_executor.drag import DragPlan
 from panda_executor.errors import TrajectoryError
-from panda_executor.grasp import OWN_MARGIN
 from panda_executor.motions import Motion, MotionBuilder
 from panda_executor.obstacle_grid import EMPTY, ObstacleGrid
 from panda_executor.transfer_attempts import PickPlacePlan
@@ -25,19 +25,31 @@ _SQUARE = np.ones((2, 2))  # cells that a thing fills at least
 _MIN_CELLS = 8  # of the support that must be seen; fewer prove nothing
 
 
-def place_problem(
-    plan: PickPlacePlan,
-    cloud: npt.NDArray[np.float32],
-    workspace: WorkspaceSpec,
-    positions: FloatArray,
-    motions: MotionBuilder,
-) -> str | None:
-    """Return why the plan's release does not hold among what a later cloud shows, or None where it does.
+class LaterView(NamedTuple):
+    """A later view, with the arm above where the hand is to go down.
 
-    The arm stands above the place at `positions` (7,) [rad] with what it holds; cloud: (N, 3) [m, base frame]. Only
-    what lies lower than all of that counts, and only where it is seen: the hand hides much of the place.
+    cloud: (N, 3) [m, base frame]; positions: (7,) [rad], where the arm stands, with what it holds.
     """
-    seen = _seen_below(plan.lower, cloud, workspace, positions, motions)
+
+    cloud: npt.NDArray[np.float32]
+    workspace: WorkspaceSpec
+    positions: FloatArray
+
+    def below(self, ahead: Motion, motions: MotionBuilder) -> ObstacleGrid:
+        """Return the columns of what lies lower than the hand and what it holds, before it goes `ahead`."""
+        scene = motions.config.scene
+        rotation, translation = motions.model.tcp_arrays(self.positions)
+        limit = float((ahead.scene.hand.points @ rotation[2]).min() + translation[2]) - _BELOW_LOAD
+        low = self.cloud[self.cloud[:, 2] < limit]  # NaN compares false
+        return ObstacleGrid.from_cloud(low, self.workspace, scene.table_z + scene.floor, scene.grid_cell)
+
+
+def place_problem(plan: PickPlacePlan, view: LaterView, motions: MotionBuilder) -> str | None:
+    """Return why the plan's release does not hold among what is seen, or None where it does.
+
+    Only what lies lower than hand and load counts, and only where it is seen: the hand hides much of the place.
+    """
+    seen = view.below(plan.lower, motions)
     problem = _in_the_way(what_came(plan.go_above.scene.grid, seen), (plan.lower, plan.leave), motions)
     if problem is not None:
         return problem
@@ -47,32 +59,19 @@ def place_problem(
     return None
 
 
-def pick_problem(
-    plan: PickPlacePlan,
-    cloud: npt.NDArray[np.float32],
-    workspace: WorkspaceSpec,
-    positions: FloatArray,
-    motions: MotionBuilder,
-) -> str | None:
+def pick_problem(plan: PickPlacePlan, view: LaterView, motions: MotionBuilder) -> str | None:
     """Return what came where the hand goes down to the object, beside it or onto it, or None; as `place_problem`.
 
     plan: for where the object is now.
     """
-    grasp = plan.grasp
-    own = grasp.covers(cloud, OWN_MARGIN) & (cloud[:, 2] < grasp.top_z + OWN_MARGIN)
-    seen = _seen_below(plan.descend, cloud[~own], workspace, positions, motions)
+    others = view._replace(cloud=view.cloud[~plan.grasp.owns(view.cloud)])
+    seen = others.below(plan.descend, motions)
     return _in_the_way(what_came(plan.go_above.scene.grid, seen), (plan.descend, plan.raise_up), motions)
 
 
-def drag_problem(
-    plan: DragPlan,
-    cloud: npt.NDArray[np.float32],
-    workspace: WorkspaceSpec,
-    positions: FloatArray,
-    motions: MotionBuilder,
-) -> str | None:
+def drag_problem(plan: DragPlan, view: LaterView, motions: MotionBuilder) -> str | None:
     """Return what came where the hand goes down, or came and is too tall to be moved, or None; as `place_problem`."""
-    came = what_came(plan.go_above.scene.grid, _seen_below(plan.descend, cloud, workspace, positions, motions))
+    came = what_came(plan.go_above.scene.grid, view.below(plan.descend, motions))
     tall = came.heights > motions.config.scene.table_z + motions.config.drag.low
     along = [motion for motion in (plan.lift, plan.drag, plan.leave) if motion is not None]
     problem = _in_the_way(came, (plan.descend,), motions)
@@ -87,21 +86,6 @@ def what_came(before: ObstacleGrid, now: ObstacleGrid) -> ObstacleGrid:
 def raised(before: ObstacleGrid, now: ObstacleGrid) -> ObstacleGrid:
     """Return the columns `before`, higher where `now` shows that something came."""
     return replace(before, heights=np.maximum(before.heights, what_came(before, now).heights))
-
-
-def _seen_below(
-    ahead: Motion,
-    cloud: npt.NDArray[np.float32],
-    workspace: WorkspaceSpec,
-    positions: FloatArray,
-    motions: MotionBuilder,
-) -> ObstacleGrid:
-    """Return the columns of what lies lower than the hand and what it holds, before it goes `ahead`."""
-    scene = motions.config.scene
-    rotation, translation = motions.model.tcp_arrays(positions)
-    limit = float((ahead.scene.hand.points @ rotation[2]).min() + translation[2]) - _BELOW_LOAD
-    low = cloud[cloud[:, 2] < limit]  # NaN compares false
-    return ObstacleGrid.from_cloud(low, workspace, scene.table_z + scene.floor, scene.grid_cell)
 
 
 def _in_the_way(came: ObstacleGrid, ways: Iterable[Motion], motions: MotionBuilder) -> str | None:

@@ -22,7 +22,7 @@ from panda_executor.hand_geometry import HandShape
 from panda_executor.ik import HandDownIk, hand_down_pose
 from panda_executor.model import PandaModel
 from panda_executor.motions import Motion, MotionBuilder
-from panda_executor.object_moved import moved_problem, seen_shift
+from panda_executor.object_moved import REACH, moved_problem, seen_shift
 from panda_executor.obstacle_grid import ObstacleGrid
 from panda_executor.phase import Phase
 from panda_executor.ports import ShouldStop
@@ -249,7 +249,7 @@ class TransferPlanner:
             raise PlanningError(moved)
         shift = seen_shift(cloud, plan.grasp)
         if shift is None:
-            raise PlanningError("the object moved by 2 cm or more")
+            raise PlanningError(f"the object moved by {100.0 * REACH:g} cm or more")
         by = np.array([*shift, 0.0])
         far = float(np.linalg.norm(by))
         if far < self.config.follow_from:
@@ -278,8 +278,7 @@ class TransferPlanner:
 
         grid: with it; where the object was seen, what is over it was seen to be free.
         """
-        taken = grasp.covers(around, OWN_MARGIN) & (around[:, 2] < grasp.top_z + OWN_MARGIN)
-        return replace(self._columns(around[~taken], workspace, start), seen=grid.seen)
+        return replace(self._columns(around[~grasp.owns(around)], workspace, start), seen=grid.seen)
 
     def _flips(self, grasp: Grasp, start: FloatArray) -> list[float]:
         """Return 0 and pi, the cheaper for the arm first: the gripper is the same when turned around."""

@@ -179,10 +179,10 @@ def played_run(monkeypatch: pytest.MonkeyPatch) -> PlayedRun:
         bench.say(f"renew drag in {cloud} from {positions}")
         return drag_plan("new ", bench.lift)
 
-    def problem(of: str, plan: Any, cloud: Any, workspace: Any, positions: Any, motions: Any) -> str | None:
+    def problem(of: str, plan: Any, view: Any, motions: Any) -> str | None:
         assert motions == bench.motions
-        bench.log.append(f"judge the {of} in {cloud} at {positions}")
-        return "a box came" if "box" in cloud else None
+        bench.log.append(f"judge the {of} in {view.cloud} at {view.positions}")
+        return "a box came" if "box" in view.cloud else None
 
     def raised(self: LastLook, grid: str, positions: Any) -> str:
         return grid if self._changed is None else f"{grid} raised by {self._changed} at {positions}"

@@ -49,7 +49,8 @@ class Bench:
         self.act: Callable[..., ActionResult] = lambda: ActionResult(Outcome.SUCCEEDED, "done")
         self.given = SimpleNamespace()
         self.gate, self.clouds, self.camera = Gate(), CloudCache(), CameraPlace("panda_link0")
-        self.owners = OwnerWatch(lambda: self.steady, 0.1)
+        self.owners, self.guard = OwnerWatch(lambda: self.steady, 0.1), GuardWatch(lambda: self.steady, 3.0)
+        self.guard.on_report()
         self.shown: list[Any] = []
         self.approvals = Approvals(9.0, lambda: self.steady, lambda plan_id, motions: self.shown.append(motions))
         parameters: Any = SimpleNamespace(
@@ -62,7 +63,7 @@ class Bench:
         self.planner = SimpleNamespace(place_cameras=lambda position: self.words.append(f"camera at {position}"))
         self.session = GoalSession(
             self, self.clouds, self.camera, parameters, self.gate, lambda: int(self.now * S),  # type: ignore[arg-type]
-            Watchers(self.owners, GuardWatch(lambda: self.steady, 0.0)), self.approvals,
+            Watchers(self.owners, self.guard), self.approvals,
         )  # fmt: skip
 
     def _sleep(self, seconds: float) -> None:
@@ -121,6 +122,16 @@ def test_the_runner_is_given_the_goal_as_it_came(bench: Bench) -> None:
     assert bench.given.goal.action.pick.x == pytest.approx(0.45) and bench.given.workspace == WorkspaceSpec()
     assert bench.words == ["SUCCEEDED after 2.2 s: done"]
     assert bench.ended == ["succeeded"]
+
+
+@pytest.mark.parametrize("reports", [3, 6])
+def test_a_guard_that_has_just_begun_is_waited_for(bench: Bench, reports: int) -> None:
+    """For a second, in which one that runs reports."""
+    bench.steady += 60.0
+    bench.on_sleep = lambda: bench.guard.on_report() if bench.sleeps == reports else None
+    ended = bench.ask()
+    assert ended.outcome is (Outcome.SUCCEEDED if reports == 3 else Outcome.REJECTED)
+    assert bench.sleeps == min(reports, 5)
 
 
 def test_a_goal_in_another_frame_is_refused(bench: Bench) -> None:

@@ -13,7 +13,7 @@ from cliport_core.action import PickPlaceAction
 from cliport_core.pose import PlanarPose
 from cliport_core.workspace import WorkspaceSpec
 from panda_executor.obstacle_grid import EMPTY, ObstacleGrid
-from panda_executor.place_change import _risen, _sunk_share, place_problem
+from panda_executor.place_change import LaterView, _risen, _sunk_share, place_problem
 from panda_executor.transfer import TransferPlanner
 from panda_executor.transfer_attempts import PickPlacePlan
 from panda_model import load_preset
@@ -66,7 +66,7 @@ def test_pixels_that_fly_at_the_hands_edge_are_nothing_that_came(
     y = grid.y_min + grid.cell * np.array([row + dy + 0.5 for dy, _ in columns])
     flying = np.stack([x, y, np.full(len(columns), 0.1)], axis=1).astype(np.float32)
     came = seen_cloud(cube_points(PLINTH), np.repeat(flying, 2, axis=0))
-    found = place_problem(plan, came, workspace, plan.lower.trajectory.positions[0], planner.motions)
+    found = place_problem(plan, LaterView(came, workspace, plan.lower.trajectory.positions[0]), planner.motions)
     assert (found is not None) == problem
 
 
@@ -133,7 +133,7 @@ def test_only_what_is_lower_than_the_hand_and_its_load_is_compared(
     cloud = np.column_stack([np.full((4, 2), (PLACE.x, PLACE.y)), heights]).astype(np.float32)
     cloud = np.concatenate([cloud, np.full((1, 3), np.nan, dtype=np.float32)])
     monkeypatch.setattr("panda_executor.place_change.ObstacleGrid.from_cloud", note)
-    place_problem(plan, cloud, workspace, above, planner.motions)
+    place_problem(plan, LaterView(cloud, workspace, above), planner.motions)
     np.testing.assert_array_equal(shown[0], cloud[[0, 3]])
 
 
@@ -143,7 +143,7 @@ def test_what_came_is_a_problem_where_the_hand_goes(
 ) -> None:
     above = plan.lower.trajectory.positions[0]
     came = seen_cloud(cube_points(PLINTH), cube_points(Cube(x, -0.2, 0.0, (0.04, 0.04, 0.09))))
-    found = place_problem(plan, came, workspace, above, planner.motions)
+    found = place_problem(plan, LaterView(came, workspace, above), planner.motions)
     assert (found is not None) == problem
     assert found is None or found.startswith("something came there: ")
 
@@ -152,6 +152,6 @@ def test_a_support_that_is_gone_is_told_with_its_share(
     plan: PickPlacePlan, planner: TransferPlanner, workspace: WorkspaceSpec
 ) -> None:
     above = plan.lower.trajectory.positions[0]
-    said = place_problem(plan, seen_cloud(), workspace, above, planner.motions)
+    said = place_problem(plan, LaterView(seen_cloud(), workspace, above), planner.motions)
     assert said == "100 % of what was to carry the object is gone"
-    assert place_problem(plan, seen_cloud(cube_points(PLINTH)), workspace, above, planner.motions) is None
+    assert place_problem(plan, LaterView(seen_cloud(cube_points(PLINTH)), workspace, above), planner.motions) is None

@@ -16,6 +16,7 @@ from cliport_core.workspace import WorkspaceSpec
 from panda_executor import transfer
 from panda_executor.config import ExecutorConfig
 from panda_executor.errors import BudgetSpentError, PlanningError
+from panda_executor.grasp import Grasp
 from panda_executor.hand_geometry import HandShape
 from panda_executor.ik import hand_down_pose
 from panda_executor.obstacle_grid import ObstacleGrid
@@ -180,6 +181,8 @@ class Thing:
     def covers(self, points: np.ndarray, margin: float) -> np.ndarray:
         assert margin == 0.008
         return np.asarray(points[:, 1] < 0.3)
+
+    owns = Grasp.owns
 
 
 @pytest.fixture

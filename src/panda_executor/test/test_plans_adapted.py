@@ -13,6 +13,7 @@ from cliport_core.pose import Pose
 from cliport_core.workspace import WorkspaceSpec
 from panda_executor import transfer
 from panda_executor.errors import PlanningError
+from panda_executor.grasp import Grasp
 from panda_executor.phase import Phase
 from panda_executor.transfer import TransferPlanner
 from panda_executor.transfer_attempts import PickPlacePlan
@@ -33,6 +34,8 @@ class Thing:
 
     def covers(self, points: np.ndarray, margin: float) -> np.ndarray:
         return np.asarray(points[:, 1] > 0.0)
+
+    owns = Grasp.owns
 
 
 def noted(asked: list[Any], given: Any, answer: Any = None) -> Any:
