@@ -56,9 +56,10 @@ def test_the_papers_share_of_finished_scenes_is_none(make_flat_set: MakeSet, tmp
     assert not any(mixture[int(i)].demo.done for i in mixture.draw(200, np.random.default_rng(0)))
 
 
-def test_a_step_is_always_the_same(make_flat_set: MakeSet, tmp_path: Path) -> None:
+@pytest.mark.parametrize("workers", [0, 2])
+def test_a_step_is_always_the_same(workers: int, make_flat_set: MakeSet, tmp_path: Path) -> None:
     loader = _loader(_mixture(make_flat_set, tmp_path))
-    steps = loader.steps(5)
+    steps = loader.steps(5, workers)
     for number in (5, 6, 7, 8):
         assert _same(next(steps).parts, loader.step(number).parts)
     steps.close()
@@ -84,11 +85,12 @@ def test_a_goal_image_moves_with_its_observation(make_flat_set: MakeSet, tmp_pat
         assert torch.equal(image, goal) == bool(done)
 
 
-def test_a_loader_hands_errors_on(make_flat_set: MakeSet, tmp_path: Path) -> None:
+@pytest.mark.parametrize("workers", [0, 2])
+def test_a_loader_hands_errors_on(workers: int, make_flat_set: MakeSet, tmp_path: Path) -> None:
     mixture = _mixture(make_flat_set, tmp_path)
     (tmp_path / "0" / "part-00000.parquet").unlink()
-    with pytest.raises(DataError, match=r"part-00000\.parquet can't be read"):
-        next(_loader(mixture).steps(0))
+    with pytest.raises(DataError, match=r"part-00000\.parquet can't be read \(\[Errno 2\]"):
+        next(_loader(mixture).steps(0, workers))
 
 
 def test_unlike_workspaces_do_not_mix(make_flat_set: MakeSet, tmp_path: Path) -> None:

@@ -1,24 +1,24 @@
-"""Batches made ahead in background threads: shuffled, the same at every run, and cut up for several processes."""
+"""Batches made ahead by background processes: shuffled, the same at every run, and cut up for several trainings."""
 
 from __future__ import annotations
 
 import itertools
 import os
-from collections import deque
 from collections.abc import Generator
-from concurrent.futures import Future, ThreadPoolExecutor
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from torch.utils.data import DataLoader, Dataset
 
 from cliport_policy.config import TrainConfig
 from cliport_policy.data.absences import Absences
 from cliport_policy.data.batches import Batch, Phrasebook, collate, make_sample
 from cliport_policy.data.mixture import Drawn, Mixture
 from cliport_policy.data.recolor import Recoloring
+from cliport_policy.errors import DataError
 
-THREADS = min(8, os.cpu_count() or 1)
+WORKERS = min(8, os.cpu_count() or 1)
 
 
 class StepBatches(NamedTuple):
@@ -52,29 +52,29 @@ class Loader:
         self._rank, self._world_size = rank, world_size
         self._absences = Absences(mixture) if config.absent_share else None
 
-    def steps(self, first: int, threads: int = THREADS) -> Generator[StepBatches]:
-        """Yield steps from `first` on, one made ahead by each thread.
+    def steps(self, first: int, workers: int = WORKERS) -> Generator[StepBatches]:
+        """Yield steps from `first` on, made ahead by processes: threads would keep the one that trains waiting.
 
-        Without threads each is made on demand, which is quicker if the training itself uses all cores.
+        Without workers each is made on demand, which is quicker if the training itself uses all cores.
 
         Raises:
             DataError: if an observation can't be read.
         """
-        if not threads:
+        if not workers:
             yield from map(self.step, itertools.count(first))
             return
-        with ThreadPoolExecutor(threads, "loader") as pool:
-            ahead: deque[Future[StepBatches]] = deque(pool.submit(self.step, first + i) for i in range(threads))
-            number = first + threads
-            try:
-                while True:
-                    made = ahead.popleft()
-                    ahead.append(pool.submit(self.step, number))
-                    number += 1
-                    yield made.result()
-            finally:
-                for future in ahead:
-                    future.cancel()
+        ahead = DataLoader(
+            _Ahead(self),
+            batch_size=None,
+            sampler=itertools.count(first),
+            num_workers=workers,
+            collate_fn=_as_it_is,
+            multiprocessing_context="fork",
+        )
+        for made in ahead:
+            if isinstance(made, DataError):
+                raise made
+            yield made
 
     def step(self, number: int) -> StepBatches:
         """Return this process's share of a step, in as many parts as gradients are accumulated over."""
@@ -100,3 +100,20 @@ class Loader:
             rng = np.random.default_rng((self._config.seed, number, int(position)))
             samples.append(make_sample(drawn[position], self._phrasebook, self._recoloring, self._config, rng))
         return collate(samples)
+
+
+class _Ahead(Dataset["StepBatches | DataError"]):
+    """Steps of a loader as its processes make them; an error is handed on as it is, in one line."""
+
+    def __init__(self, loader: Loader) -> None:
+        self._loader = loader
+
+    def __getitem__(self, number: int) -> StepBatches | DataError:
+        try:
+            return self._loader.step(number)
+        except DataError as error:
+            return error
+
+
+def _as_it_is(made: StepBatches | DataError) -> StepBatches | DataError:
+    return made

@@ -19,7 +19,7 @@ from torch import Tensor, nn
 from cliport_policy.checkpoint import ANCHORS, Card, save_checkpoint
 from cliport_policy.config import TrainConfig
 from cliport_policy.data.batches import Phrasebook
-from cliport_policy.data.loader import THREADS, Loader, StepBatches
+from cliport_policy.data.loader import WORKERS, Loader, StepBatches
 from cliport_policy.data.mixture import Mixture, Source, SourceSettings
 from cliport_policy.data.recolor import Recoloring
 from cliport_policy.data.wordings import sentence_groups, share_wordings
@@ -123,8 +123,8 @@ class Trainer:
         """
         started = saved = time.monotonic()
         first = self.step
-        threads = 0 if self.group.device.type == "cpu" else THREADS
-        with closing(self.loader.steps(self.step, threads)) as steps:
+        workers = 0 if self.group.device.type == "cpu" else WORKERS
+        with closing(self.loader.steps(self.step, workers)) as steps:
             while self.step < self.config.steps:
                 minutes = (time.monotonic() - started) / 60
                 if self.group.any(should_stop() or minutes > max_minutes):
