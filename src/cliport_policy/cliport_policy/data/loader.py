@@ -7,6 +7,7 @@ import os
 from collections.abc import Generator
 from typing import NamedTuple
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 from torch.utils.data import DataLoader, Dataset
@@ -69,6 +70,7 @@ class Loader:
             sampler=itertools.count(first),
             num_workers=workers,
             collate_fn=_as_it_is,
+            worker_init_fn=_use_one_core,
             multiprocessing_context="fork",
         )
         for made in ahead:
@@ -117,3 +119,7 @@ class _Ahead(Dataset["StepBatches | DataError"]):
 
 def _as_it_is(made: StepBatches | DataError) -> StepBatches | DataError:
     return made
+
+
+def _use_one_core(_worker: int) -> None:
+    cv2.setNumThreads(1)  # the workers share the cores; torch is told so by its own loader
