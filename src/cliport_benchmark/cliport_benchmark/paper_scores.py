@@ -7,6 +7,7 @@ the numbers are.
 from __future__ import annotations
 
 import csv
+from collections.abc import Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple
@@ -76,3 +77,8 @@ def paper_scores() -> dict[tuple[str, str, str, int], float]:
 def paper_methods(table: str) -> list[str]:
     """Return the names of a table's methods in its order."""
     return list(dict.fromkeys(method for t, method, _, _ in paper_scores() if t == table))
+
+
+def paper_columns(table: str, demos: Sequence[int]) -> list[tuple[str, int]]:
+    """Return the methods of a table, "" for none, with each of some numbers of demonstrations, by these numbers."""
+    return [(method, count) for count in demos for method in paper_methods(table)]

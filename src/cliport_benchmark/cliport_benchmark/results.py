@@ -12,7 +12,7 @@ from pathlib import Path
 from cliport_benchmark.errors import BenchmarkError, DataFolderError
 from cliport_benchmark.evaluation import LANGUAGE_BLIND, SECTIONS, Evaluation, Section, language_blind, read_folders
 from cliport_benchmark.markdown_lines import count, number, table_line
-from cliport_benchmark.paper_scores import DEMO_COUNTS, paper_methods, paper_scores
+from cliport_benchmark.paper_scores import DEMO_COUNTS, paper_columns, paper_scores
 from cliport_benchmark.provenance import command_line
 from cliport_benchmark.results_by_split import by_split
 from cliport_core.command_line import CommandParser
@@ -40,7 +40,7 @@ _OUR_COLUMNS = (
 )
 
 
-def markdown(evaluations: Sequence[Evaluation], demos: int) -> str:
+def markdown(evaluations: Sequence[Evaluation], demos: Sequence[int]) -> str:
     """Return the tables that there is something for, a row an evaluation or a task of
     the paper's without one, beside the paper's scores."""
     text = []
@@ -48,11 +48,11 @@ def markdown(evaluations: Sequence[Evaluation], demos: int) -> str:
         rows = _rows(section, evaluations)
         if not any(row[1] for row in rows):
             continue
-        methods = paper_methods(section.table) if section.table else []
-        header = [*_OUR_COLUMNS, *(f"{method} @{demos}" for method in methods)]
+        columns = paper_columns(section.table, demos)
+        header = [*_OUR_COLUMNS, *(f"{method} @{n}" for method, n in columns)]
         text += [f"## {section.title}", "", table_line(header), table_line(["---"] * 3 + ["---:"] * (len(header) - 3))]
         for cells in rows:
-            paper = [paper_scores().get((section.table, method, cells[0], demos)) for method in methods]
+            paper = [paper_scores().get((section.table, method, cells[0], n)) for method, n in columns]
             text.append(table_line([*cells, *map(number, paper)]))
         text.append("")
     return "\n".join(text)
@@ -103,12 +103,14 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("folder", type=Path, nargs="+", help="where evaluate wrote its JSON files")
     parser.add_argument("--out", type=Path, help="Markdown file to write, and a .csv beside it")
     parser.add_argument("--by-split", action="store_true", help="a row for each split, a column for each policy")
-    parser.add_argument("--demos", type=int, choices=DEMO_COUNTS, default=1000, help="of the paper's columns")
+    parser.add_argument(
+        "--demos", type=int, nargs="+", choices=DEMO_COUNTS, default=[1000], help="of the paper's columns"
+    )
     options = parser.parse_args(arguments)
     try:
         evaluations = read_folders(options.folder)
         text = (by_split if options.by_split else markdown)(evaluations, options.demos)
-        remark = textwrap.fill(_REMARK.format(demos=options.demos), _WIDTH)
+        remark = textwrap.fill(_REMARK.format(demos=" or ".join(map(str, options.demos))), _WIDTH)
         text = "\n".join([text, *_both_rules(evaluations), *_doubts(evaluations), remark, ""])
         if options.out is None:
             print(text, end="")

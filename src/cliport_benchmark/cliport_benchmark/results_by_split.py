@@ -8,20 +8,20 @@ from statistics import fmean
 
 from cliport_benchmark.evaluation import LANGUAGE_BLIND, OWN_OBJECTS, TEST, VAL, Evaluation, Section, is_everyday
 from cliport_benchmark.markdown_lines import count, number, table_line
-from cliport_benchmark.paper_scores import paper_methods, paper_scores
+from cliport_benchmark.paper_scores import paper_columns, paper_scores
 from sim_bridge.tasks import LANGUAGE_SPLITS
 
 _SHOWN = (TEST, VAL, OWN_OBJECTS)
 _LAST = ("expert", "blind")  # columns after those of the policies
 
 
-def by_split(evaluations: Sequence[Evaluation], demos: int) -> str:
+def by_split(evaluations: Sequence[Evaluation], demos: Sequence[int]) -> str:
     """Return a table each of test scenes, validation scenes and everyday objects of one's own, where there are any.
 
     What belongs to none of them is counted in a line below. A column is of one agent on scenes from one seed on; their
     number stands in brackets where it differs from split to split; beside it how many scenes were drawn again and how
     many episodes broke. An average is given where it has all of its splits.
-    demos: of the paper's columns.
+    demos: numbers of demonstrations of the paper's columns.
     """
     text: list[str] = []
     for section in _SHOWN:
@@ -47,13 +47,13 @@ class _Column:
         return self.cells.get(task, number(self.scores.get(task)))
 
 
-def _table(section: Section, evaluations: Sequence[Evaluation], demos: int) -> list[str]:
+def _table(section: Section, evaluations: Sequence[Evaluation], demos: Sequence[int]) -> list[str]:
     everyday = section is OWN_OBJECTS
     tasks = [task for task in LANGUAGE_SPLITS if is_everyday(task) or not everyday]
     columns = _own_columns(evaluations)
-    for method in paper_methods(section.table) if section.table else []:
-        scores = {task: paper_scores().get((section.table, method, task, demos)) for task in tasks}
-        columns.append(_Column(f"{method} @{demos}", scores))
+    for method, n in paper_columns(section.table, demos):
+        scores = {task: paper_scores().get((section.table, method, task, n)) for task in tasks}
+        columns.append(_Column(f"{method} @{n}", scores))
     lines = [table_line(["split", *(column.title for column in columns)])]
     lines.append(table_line(["---"] + ["---:"] * len(columns)))
     lines += [table_line([task, *(column.cell(task) for column in columns)]) for task in tasks]

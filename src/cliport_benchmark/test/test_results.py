@@ -314,14 +314,15 @@ def test_by_split_has_a_column_for_each_agent_and_averages_of_whole_sets(tmp_pat
     write(tmp_path / "own.json", task=OBJECTS, checkpoint="mine", mean_score=70.0, object_set="own objects")
     write(tmp_path / "survey.json", survey_colors=30.0)
     write(tmp_path / "demo.json", task=DEMO_TASKS[0])
-    assert main([str(tmp_path), "--by-split", "--demos", "100", "--out", str(tmp_path / "r.md")]) == 0
+    assert main([str(tmp_path), "--by-split", "--demos", "100", "10", "--out", str(tmp_path / "r.md")]) == 0
     text = (tmp_path / "r.md").read_text()
     header = next(line for line in text.splitlines() if line.startswith("| split"))
     names = [cell.strip() for cell in header.split("|")[1:-1]]
     mine, blind = (f"{name}, seeds 100 to 149, 0123456" for name in ("mine", "blind"))
     assert names[1:7:2] == ["mine, seeds 0 to 49, 0123456", mine, f"language-blind, manually perfect ({blind})"]
     assert set(names[2:7:2]) == {"discarded, redrawn, broken"}
-    assert names[7:9] == ["chance", f"{paper_methods('1')[0]} @100"]
+    methods = paper_methods("1")
+    assert names[7:] == ["chance", *(f"{method} @{count}" for count in (100, 10) for method in methods)]
     table, own = sections(text).values()
     unknown = ", ".join(["unknown"] * 3)
     assert table[seen[0]][1:8] == ["55.0", "0, 2, 0", "0.0", unknown, "3.0", unknown, "19.5"]

@@ -22,6 +22,7 @@ SCENES = {
     "put the green blocks in a gray bowl": [("green", "block"), ("gray", "bowl")],
     "move the red ring to the lighter brown side": [("red", "ring"), ("", "stand")],
 }
+SCENES_OF_BOWLS = tuple(sentence for sentence in SCENES if "bowl" in sentence)
 
 
 def _write(folder: Path, listed: bool = True) -> Path:
@@ -68,6 +69,23 @@ def test_half_of_what_is_drawn_names_colours_that_other_things_have(
     assert 0.45 < sum(sentence in hard for sentence in said) / len(said) < 0.65  # 2 of 12 sentences if drawn alike
 
 
+def test_other_tasks_are_drawn_alike_however_few_their_sentences(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    own = load_demonstrations(_write(tmp_path / "own"))
+    many = {f"move the {name} ring to the lighter brown side": [(name, "ring")] for name in "abcdefghijklmnop"}
+    monkeypatch.setitem(globals(), "SCENES", many)
+    rings = load_demonstrations(_write(tmp_path / "rings"))
+    rope = "align the rope from front left tip to front right tip"
+    monkeypatch.setitem(globals(), "SCENES", {rope: [("red", "bead"), ("", "square")]})
+    mixture = Mixture([Source(own), Source(rings), Source(load_demonstrations(_write(tmp_path / "rope")))])
+    absences, rng = Absences(mixture), np.random.default_rng(0)
+    first = next(mixture[i] for i in range(len(mixture)) if mixture[i].demo.instruction in SCENES_OF_BOWLS)
+    said = [absences.draw(first, rng).demo.instruction for _ in range(600)]
+    ropes, ringed = said.count(rope), sum(sentence in many for sentence in said)
+    assert 0.5 < ropes / ringed < 4.0, (ropes, ringed)  # 1 to 16 by their numbers
+
+
 def test_a_set_that_does_not_list_its_things_is_refused(tmp_path: Path) -> None:
     mixture = Mixture([Source(load_demonstrations(_write(tmp_path / "set", listed=False)))])
     with pytest.raises(ConfigError, match="does not list the things on the table"):
@@ -101,7 +119,7 @@ def test_a_sentence_of_another_kind_names_nothing() -> None:
 
 
 def test_the_shipped_mixture_and_its_switches(tmp_path: Path) -> None:
-    assert mixture_names() == ["ten"]
+    assert mixture_names() == ["attr_bowls_hanoi", "attr_boxes_kits", "attr_pyramid_piles", "ten"]
     entries = read_mixture("ten", tmp_path)
     assert len(entries) == 10 and all(entry.folder.parent == tmp_path for entry in entries)
     rope = next(entry for entry in entries if entry.folder.name == "align-rope")

@@ -33,10 +33,10 @@ class Quick(Trainer):
         self.config = TrainConfig(steps=steps, batch_size=8, warmup_steps=0)
         self.loader = SimpleNamespace(steps=self._steps)  # type: ignore[assignment]
         self.saved: list[Any] = []
-        self.threads: int | None = None
+        self.workers: int | None = None
 
-    def _steps(self, first: int, threads: int) -> Iterator[int]:
-        self.threads = threads
+    def _steps(self, first: int, workers: int) -> Iterator[int]:
+        self.workers = workers
         yield from range(first, 1000)
 
     def _train_step(self, step: Any) -> dict[str, float]:
@@ -73,7 +73,7 @@ def test_what_is_saved_when(clock: Clock, limits: dict[str, Any], saved: list[An
     quick, told = Quick(clock), []
     quick.run(lambda _: None, **limits, on_save=lambda: told.append(quick.step))
     assert quick.saved == saved and told == [each for each in saved if isinstance(each, int)]
-    assert quick.threads == 0  # the training itself uses all cores of a CPU
+    assert quick.workers == 0  # the training itself uses all cores of a CPU
 
 
 def test_a_training_that_is_told_to_stop_saves(clock: Clock) -> None:

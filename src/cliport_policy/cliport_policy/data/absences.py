@@ -35,22 +35,22 @@ class Absences:
             sentences = {demo.instruction for frame in source.data.frames for demo in frame.demos}
             read = [(sentence, named_things(sentence)) for sentence in sorted(sentences)]
             self._own[str(source.data.folder)] = [(sentence, things) for sentence, things in read if things]
-        self._all = [one for sentences in self._own.values() for one in sentences]
+        self._all = [sentences for sentences in self._own.values() if sentences]
 
     def draw(self, drawn: Drawn, rng: np.random.Generator) -> Drawn:
         """Return a drawn scene under a sentence about what it lacks; itself if none was found.
 
+        The other ones are of any data set alike, however few its sentences are: a rope has four, kits have hundreds.
         Half of the sentences name colours that something else in the scene has: these are hard to tell.
         """
-        if not drawn.frame.things:
+        if not drawn.frame.things or not self._all:
             return drawn
         shown = {color for color, _ in drawn.frame.things}
         is_hard, found = rng.random() < _HARD_SHARE, None
         for _ in range(_TRIES):
-            own = self._own[str(drawn.data.folder)]
-            sentences = own if own and rng.random() < _OWN_SHARE else self._all
-            if not sentences:
-                return drawn
+            sentences = self._own[str(drawn.data.folder)]
+            if not sentences or rng.random() >= _OWN_SHARE:
+                sentences = self._all[int(rng.integers(len(self._all)))]
             sentence, things = sentences[int(rng.integers(len(sentences)))]
             if things.are_among(drawn.frame.things):
                 continue
