@@ -172,8 +172,9 @@ def language_blind(one: Evaluation, evaluations: Sequence[Evaluation]) -> Evalua
 
 
 def _agent(values: dict[str, Any]) -> str:
-    """Return who acted and how: the checkpoint, its network's name, and what was unusual."""
-    words = [str(values["checkpoint"])]
+    """Return who acted and how: the checkpoint, of a whole path its end, its network's name, and what was unusual."""
+    path = Path(str(values["checkpoint"]))
+    words = ["/".join(path.parts[-2:]) if path.is_absolute() else str(path)]
     if values.get("method"):
         words.append(f"({values['method']})")
     text = " ".join(words) + (f", {values['object_set']}" if values.get("object_set") else "")

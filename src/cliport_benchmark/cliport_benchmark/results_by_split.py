@@ -19,8 +19,8 @@ def by_split(evaluations: Sequence[Evaluation], demos: Sequence[int]) -> str:
     """Return a table each of test scenes, validation scenes and everyday objects of one's own, where there are any.
 
     What belongs to none of them is counted in a line below. A column is of one agent on scenes from one seed on; their
-    number stands in brackets where it differs from split to split; beside it how many scenes were drawn again and how
-    many episodes broke. An average is given where it has all of its splits.
+    number stands in brackets where it differs from split to split, and so do scenes that were discarded or drawn again
+    and episodes that broke, where there are any. An average is given where it has all of its splits.
     demos: numbers of demonstrations of the paper's columns.
     """
     text: list[str] = []
@@ -67,17 +67,25 @@ def _table(section: Section, evaluations: Sequence[Evaluation], demos: Sequence[
 
 
 def _own_columns(evaluations: Sequence[Evaluation]) -> list[_Column]:
-    """Return two columns an agent, its scores and how many scenes were discarded, redrawn and broke, and chance."""
+    """Return a column an agent, and one of chance where that is known."""
     columns = []
     for name, own in sorted(_by_column(evaluations).items(), key=lambda item: (item[0].startswith(_LAST), item[0])):
         differ = len({e.episodes for e in own}) > 1
-        scores = {e.task: number(e.score) + f" ({e.episodes})" * (differ and e.score is not None) for e in own}
         title = f"{LANGUAGE_BLIND} ({name})" if own[0].is_blind else name
-        columns.append(_Column(title, {e.task: e.score for e in own}, scores))
-        counts = {e.task: ", ".join(map(count, (e.discarded, e.redrawn, e.broken))) for e in own}
-        columns.append(_Column("discarded, redrawn, broken", {}, counts))
+        columns.append(_Column(title, {e.task: e.score for e in own}, {e.task: _cell(e, differ) for e in own}))
     chances = {e.task: e.chance for e in sorted(evaluations, key=lambda e: e.episodes) if e.chance is not None}
     return [*columns, _Column("chance", chances)] if chances else columns
+
+
+def _cell(one: Evaluation, says_episodes: bool) -> str:
+    """Return a score with what is to be said of its scenes in brackets."""
+    counts = {"discarded": one.discarded, "redrawn": one.redrawn, "broken": one.broken}
+    remarks = [str(one.episodes)] * (says_episodes and one.score is not None)
+    if all(value is None for value in counts.values()):
+        remarks.append("redraws not counted")
+    else:
+        remarks += [f"{count(value)} {what}" for what, value in counts.items() if value != 0]
+    return number(one.score) + (f" ({', '.join(remarks)})" if remarks else "")
 
 
 def _by_column(evaluations: Sequence[Evaluation]) -> dict[str, list[Evaluation]]:
