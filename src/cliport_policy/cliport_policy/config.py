@@ -13,7 +13,6 @@ TARGETS = ("soft", "one_hot")
 SCHEDULES = ("cosine", "constant")
 PRECISIONS = ("auto", "float32", "bfloat16")
 RECOLORS = ("none", "demonstrated", "surveyed")
-LEARNED_PARTS = ("all", "null_actions")
 
 
 @dataclass(frozen=True)
@@ -91,8 +90,6 @@ class TrainConfig:
     and hole alike, so that it meets more shapes than the demonstrations hold; every other one is mirrored.
     bend_sigma_px: spread of the waves that bend them, too, in pixels. If both are 0, neither is done.
     jitter: True adds small errors to colours and heights.
-    learn: `all` weights, or `null_actions`, those that say "done" and "not here" alone, so that picks and places stay
-    as a checkpoint has them.
     phrases_per_goal: number of wordings of each canonical sentence, fewer where all of them would not fit in memory.
     """
 
@@ -122,7 +119,6 @@ class TrainConfig:
     stretch_sigma: float = 0.0
     bend_sigma_px: float = 0.0
     jitter: bool = True
-    learn: str = "all"
     phrases_per_goal: int = 200
     precision: str = "auto"
     seed: int = 0
@@ -133,7 +129,6 @@ class TrainConfig:
         check_choice(self.targets, TARGETS, "targets")
         check_choice(self.recolor, RECOLORS, "recolor")
         check_choice(self.schedule, SCHEDULES, "schedule")
-        check_choice(self.learn, LEARNED_PARTS, "learn")
         least = {"steps": 1, "batch_size": 1, "accumulate": 1}
         for field in fields(self):
             value = getattr(self, field.name)

@@ -7,13 +7,11 @@ import numpy as np
 import pytest
 import torch
 from joint_networks import small_joint_network
-from test_losses import _batch
 
 from cliport_core.action import PickPlaceAction, Primitive
 from cliport_core.heightmap import Heightmap
 from cliport_core.workspace import WorkspaceSpec
 from cliport_policy.checkpoint import ANCHORS, Card, save_checkpoint
-from cliport_policy.config import TrainConfig
 from cliport_policy.errors import ConfigError
 from cliport_policy.joint_config import JointConfig
 from cliport_policy.language import ENCODER_NAME, shared_encoder
@@ -25,7 +23,6 @@ from cliport_policy.networks.policy_network import Placings
 from cliport_policy.networks.rotation import bin_angles, straight_cells
 from cliport_policy.observation import observation_tensor
 from cliport_policy.policy import Policy, load_policy
-from cliport_policy.training.losses import compute_losses
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 
@@ -194,23 +191,3 @@ def test_settings_come_back_and_wrong_ones_are_named() -> None:
         JointConfig(color_words="opne")
     with pytest.raises(ConfigError, match="null_actions=3"):
         JointConfig(null_actions=3)
-
-
-def test_null_actions_learn_alone_and_nothing_else_changes() -> None:
-    network = small_joint_network()
-    network.learn_null_actions_alone()
-    network.train()
-    before = {name: value.clone() for name, value in network.state_dict().items()}
-    optimizer = torch.optim.AdamW([value for value in network.parameters() if value.requires_grad], lr=0.1)
-    batch = _batch(4)._replace(images=torch.rand(4, 5, 64, 32), phrases=["put the red block in the blue bowl"] * 4)
-    losses = compute_losses(network, batch, TrainConfig(learn="null_actions"))
-    losses.total().backward()
-    optimizer.step()
-    changed = {name for name, value in network.state_dict().items() if not torch.equal(value, before[name])}
-    assert changed and all(name.startswith(("null_head.", "null_score")) for name in changed)
-    assert losses.done > 0 and losses.rotator == losses.transport == losses.fit == 0
-
-
-def test_a_network_without_null_actions_of_its_own_says_so() -> None:
-    with pytest.raises(ConfigError, match="learn=null_actions is for a joint network, not for CompactNetwork"):
-        build_network(load_network_config("compact")).learn_null_actions_alone()

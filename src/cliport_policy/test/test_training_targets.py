@@ -28,8 +28,7 @@ OURS = {
     "rotator_rotations": 12, "transport_rotations": 4, "done_share": 0.15, "absent_share": 0.0, "strange_share": 0.0,
     "augment_probability": 0.6, "rotation_sigma_deg": 60.0, "directed_rotation_sigma_deg": 10.0,
     "translation_sigma_px": 26.67, "recolor": "none", "recolor_probability": 0.7, "rearrange_probability": 0.0,
-    "mirror_probability": 0.0, "stretch_sigma": 0.0, "bend_sigma_px": 0.0, "jitter": True, "learn": "all",
-    "phrases_per_goal": 200,
+    "mirror_probability": 0.0, "stretch_sigma": 0.0, "bend_sigma_px": 0.0, "jitter": True, "phrases_per_goal": 200,
     "precision": "auto", "seed": 0,
 }  # fmt: skip
 # docs/paper.md, "Training" and "Augmentation".

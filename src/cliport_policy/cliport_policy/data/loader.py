@@ -70,13 +70,17 @@ class Loader:
             sampler=itertools.count(first),
             num_workers=workers,
             collate_fn=_as_it_is,
-            worker_init_fn=_use_one_core,
             multiprocessing_context="fork",
         )
-        for made in ahead:
-            if isinstance(made, DataError):
-                raise made
-            yield made
+        threads = cv2.getNumThreads()
+        cv2.setNumThreads(1)  # before the workers begin, which share the cores: told later, one with a pool would hang
+        try:
+            for made in ahead:
+                if isinstance(made, DataError):
+                    raise made
+                yield made
+        finally:
+            cv2.setNumThreads(threads)
 
     def step(self, number: int) -> StepBatches:
         """Return this process's share of a step, in as many parts as gradients are accumulated over."""
@@ -119,7 +123,3 @@ class _Ahead(Dataset["StepBatches | DataError"]):
 
 def _as_it_is(made: StepBatches | DataError) -> StepBatches | DataError:
     return made
-
-
-def _use_one_core(_worker: int) -> None:
-    cv2.setNumThreads(1)  # the workers share the cores; torch is told so by its own loader

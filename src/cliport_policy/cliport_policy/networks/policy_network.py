@@ -9,7 +9,6 @@ from typing import NamedTuple
 
 from torch import Tensor, nn
 
-from cliport_policy.errors import ConfigError
 from cliport_policy.named_configs import AnyNetworkConfig
 from cliport_policy.networks.rotation import bin_angles
 
@@ -84,14 +83,6 @@ class PolicyNetwork(nn.Module, ABC):
     def encoder_identity(self) -> str:
         """Identity of the frozen encoders that the weights belong to; empty for the policy's own sentence encoder."""
         return ""
-
-    def learn_null_actions_alone(self) -> None:
-        """Keep all weights but those of the null actions, and what is measured of batches, as they are.
-
-        Raises:
-            ConfigError: if they have none of their own.
-        """
-        raise ConfigError(f"learn=null_actions is for a joint network, not for {type(self).__name__}")
 
     def compile_parts(self, backend: str = "inductor") -> None:
         """Let torch compile each net at its first use: half a minute then, faster afterwards."""

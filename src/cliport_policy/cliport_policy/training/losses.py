@@ -59,7 +59,7 @@ def compute_losses(
     size = (batch.images.shape[-2] // cell, batch.images.shape[-1] // cell)
     picks = _pick_losses(network, batch, goal, size, config) / n_samples  # (B,)
     by_kind = [(picks * chosen).sum() for chosen in (act, batch.done, ~act & ~batch.done)]
-    if not act.any() or config.learn == "null_actions":
+    if not act.any():
         zero = picks.new_zeros(())
         return Losses(by_kind[0], zero, zero, by_kind[1], by_kind[2], zero, zero)
     noise = _SampleNoise(batch.seeds[act.cpu()], network.config.n_rotations, batch.images.device)

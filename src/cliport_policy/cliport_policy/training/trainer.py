@@ -91,8 +91,6 @@ class Trainer:
             config.check_goal_images_stay_true()
         if initial is not None:
             initial.put_into(network)
-        if config.learn == "null_actions":
-            network.learn_null_actions_alone()
         group.share(network)
         self.network = network
         self.average = copy.deepcopy(network).eval() if config.ema_decay else network

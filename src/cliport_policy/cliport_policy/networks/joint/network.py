@@ -36,7 +36,6 @@ class JointNetwork(PolicyNetwork):
         super().__init__()
         self.config = config
         self.n_null = config.null_actions
-        self._nulls_alone = False
         goal_dim = 2 * config.goal_dim
         self.goal_reader = GoalReader(config.token_dim, config.goal_dim)
         has_maps = config.color_words != "none"
@@ -55,21 +54,6 @@ class JointNetwork(PolicyNetwork):
         self.null_head = _head(whole, config.null_actions)
         self.primitive_head = _head(whole, len(Primitive)) if config.chooses_primitive else None
         self.null_score = nn.Parameter(torch.full((config.null_actions,), 4.0))
-
-    def learn_null_actions_alone(self) -> None:
-        """Keep all weights but those of the null actions, and the means of batch norm, as they are."""
-        self._nulls_alone = True
-        self.requires_grad_(False)
-        self.null_head.requires_grad_(True)
-        self.null_score.requires_grad_(True)
-
-    def train(self, mode: bool = True) -> JointNetwork:
-        """Train or act; where the null actions learn alone, all else acts."""
-        super().train(mode)
-        if self._nulls_alone:
-            for part in self.children():
-                part.train(mode and part is self.null_head)
-        return self
 
     @property
     def has_aligner(self) -> bool:
