@@ -172,9 +172,9 @@ def language_blind(one: Evaluation, evaluations: Sequence[Evaluation]) -> Evalua
 
 
 def _agent(values: dict[str, Any]) -> str:
-    """Return who acted and how: the checkpoint, of a whole path its end, its network's name, and what was unusual."""
+    """Return who acted and how: the checkpoint, as seen from here, its network's name, and what was unusual."""
     path = Path(str(values["checkpoint"]))
-    words = ["/".join(path.parts[-2:]) if path.is_absolute() else str(path)]
+    words = [str(path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path)]
     if values.get("method"):
         words.append(f"({values['method']})")
     text = " ".join(words) + (f", {values['object_set']}" if values.get("object_set") else "")

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from contextlib import nullcontext
 from pathlib import Path
 
+from cliport_benchmark.comma_lists import whole_numbers
 from cliport_benchmark.errors import BenchmarkError, OptionError
 from cliport_benchmark.experiment import RESULT_NAME, Experiment, make_data
 from cliport_benchmark.experiment_report import write_report
@@ -58,7 +59,7 @@ def _run(experiments: Sequence[Experiment], options: argparse.Namespace, cluster
 
 
 def _experiments(options: argparse.Namespace) -> list[Experiment]:
-    counts, keep = _numbers("--n-demos", options.n_demos), _numbers("--keep-steps", options.keep_steps or "")
+    counts, keep = whole_numbers("--n-demos", options.n_demos), whole_numbers("--keep-steps", options.keep_steps or "")
     steps: int = options.steps
     return [
         Experiment(
@@ -82,13 +83,6 @@ def _experiments(options: argparse.Namespace) -> list[Experiment]:
             task_names(options.task), options.config.split(","), counts or (100,)
         )
     ]
-
-
-def _numbers(name: str, text: str) -> tuple[int, ...]:
-    try:
-        return tuple(int(part) for part in text.split(",") if part)
-    except ValueError:
-        raise OptionError(f"{name} must be whole numbers with commas between, got {text}") from None
 
 
 def _say(line: str) -> None:

@@ -9,7 +9,8 @@ import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 
-from cliport_benchmark.errors import BenchmarkError, DataFolderError
+from cliport_benchmark.comma_lists import whole_numbers
+from cliport_benchmark.errors import BenchmarkError, DataFolderError, OptionError
 from cliport_benchmark.evaluation import LANGUAGE_BLIND, SECTIONS, Evaluation, Section, language_blind, read_folders
 from cliport_benchmark.markdown_lines import count, number, table_line
 from cliport_benchmark.paper_scores import DEMO_COUNTS, paper_columns, paper_scores
@@ -103,14 +104,13 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("folder", type=Path, nargs="+", help="where evaluate wrote its JSON files")
     parser.add_argument("--out", type=Path, help="Markdown file to write, and a .csv beside it")
     parser.add_argument("--by-split", action="store_true", help="a row for each split, a column for each policy")
-    parser.add_argument(
-        "--demos", type=int, nargs="+", choices=DEMO_COUNTS, default=[1000], help="of the paper's columns"
-    )
+    parser.add_argument("--demos", default="1000", help="of the paper's columns, or several with commas between")
     options = parser.parse_args(arguments)
     try:
+        demos = _demo_counts(options.demos)
         evaluations = read_folders(options.folder)
-        text = (by_split if options.by_split else markdown)(evaluations, options.demos)
-        remark = textwrap.fill(_REMARK.format(demos=" or ".join(map(str, options.demos))), _WIDTH)
+        text = (by_split if options.by_split else markdown)(evaluations, demos)
+        remark = textwrap.fill(_REMARK.format(demos=" or ".join(map(str, demos))), _WIDTH)
         text = "\n".join([text, *_both_rules(evaluations), *_doubts(evaluations), remark, ""])
         if options.out is None:
             print(text, end="")
@@ -123,6 +123,13 @@ def main(arguments: list[str] | None = None) -> int:
         print(f"error: {error}", file=sys.stderr)
         return 1
     return 0
+
+
+def _demo_counts(text: str) -> tuple[int, ...]:
+    counts = whole_numbers("--demos", text)
+    if not counts or not set(counts) <= set(DEMO_COUNTS):
+        raise OptionError(f"--demos must be of {', '.join(map(str, DEMO_COUNTS))}, which the paper has, got {text}")
+    return counts
 
 
 def _rows(section: Section, evaluations: Sequence[Evaluation]) -> list[list[str]]:

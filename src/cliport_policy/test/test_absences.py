@@ -1,6 +1,7 @@
 """Sentences about what is not there: they name what a scene lacks, and only then are they drawn."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -124,6 +125,27 @@ def test_the_shipped_mixture_and_its_switches(tmp_path: Path) -> None:
     assert len(entries) == 10 and all(entry.folder.parent == tmp_path for entry in entries)
     rope = next(entry for entry in entries if entry.folder.name == "align-rope")
     assert rope.settings == SourceSettings(recolor=False, rearrange=False)
+
+
+@pytest.mark.parametrize(
+    ("name", "group"),
+    [
+        ("attr_bowls_hanoi", ("put-blocks-in-bowls", "towers-of-hanoi-seq")),
+        ("attr_pyramid_piles", ("stack-block-pyramid-seq", "separating-piles")),
+        ("attr_boxes_kits", ("packing-box-pairs", "assembling-kits-seq")),
+    ],
+)
+def test_a_group_held_out_is_the_ten_with_its_seen_colours_alone(
+    name: str, group: tuple[str, ...], tmp_path: Path
+) -> None:
+    expected = []
+    for entry in read_mixture("ten", tmp_path):
+        task, settings = entry.folder.name.removesuffix("-seen-colors"), entry.settings
+        if task in group:
+            settings = replace(settings, recolor=False)  # other tasks show the unseen colours
+        folder = entry.folder if task in group or task == entry.folder.name else entry.folder.with_name(f"{task}-full")
+        expected.append(entry._replace(folder=folder, settings=settings))
+    assert read_mixture(name, tmp_path) == tuple(expected)
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,9 @@
 """Mixtures are drawn by weight, and steps are the same however often, by whom and in how many parts they are made."""
 
+import multiprocessing
 from collections import Counter
 from collections.abc import Callable
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,9 +15,9 @@ import torch
 from cliport_policy.config import PAPER, TrainConfig
 from cliport_policy.data.batches import Batch, Phrasebook
 from cliport_policy.data.demonstrations import load_demonstrations
-from cliport_policy.data.loader import Loader
+from cliport_policy.data.loader import Loader, lost_workers_told
 from cliport_policy.data.mixture import Mixture, Source
-from cliport_policy.errors import DataError
+from cliport_policy.errors import DataError, TrainingError
 
 SMALL = 0.0125  # m: pixels of 64 x 32 heightmaps
 CONFIG = TrainConfig(batch_size=6, phrases_per_goal=3)
@@ -93,6 +95,35 @@ def test_a_loader_hands_errors_on(workers: int, make_flat_set: MakeSet, tmp_path
     (tmp_path / "0" / "part-00000.parquet").unlink()
     with pytest.raises(DataError, match=r"part-00000\.parquet can't be read \(\[Errno 2\]"):
         next(_loader(mixture).steps(0, workers))
+
+
+def test_workers_use_one_thread_each_and_the_training_gets_its_own_back(
+    make_flat_set: MakeSet, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    loader, before = _loader(_mixture(make_flat_set, tmp_path)), cv2.getNumThreads()
+    cv2.setNumThreads(2)
+    try:
+        monkeypatch.setattr(Loader, "step", lambda self, number: (number, cv2.getNumThreads()))
+        with closing(loader.steps(3, 2)) as steps:
+            assert [next(steps) for _ in range(4)] == [(3, 1), (4, 1), (5, 1), (6, 1)]
+        assert cv2.getNumThreads() == 2
+    finally:
+        cv2.setNumThreads(before)
+
+
+def test_a_worker_that_is_gone_is_told_of_in_one_line(make_flat_set: MakeSet, tmp_path: Path) -> None:
+    def train() -> None:
+        with lost_workers_told(), closing(_loader(_mixture(make_flat_set, tmp_path)).steps(0, 2)) as steps:
+            next(steps)
+            for worker in multiprocessing.active_children():
+                worker.kill()
+            for _ in range(20):
+                next(steps)
+
+    with pytest.raises(TrainingError, match=r"^a process that makes batches is gone"):
+        train()
+    with pytest.raises(RuntimeError, match=r"^another$"), lost_workers_told():
+        raise RuntimeError("another")
 
 
 def test_unlike_workspaces_do_not_mix(make_flat_set: MakeSet, tmp_path: Path) -> None:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import itertools
 import os
-from collections.abc import Generator
+from collections.abc import Generator, Iterator
+from contextlib import contextmanager
 from typing import NamedTuple
 
 import cv2
@@ -17,7 +18,7 @@ from cliport_policy.data.absences import Absences
 from cliport_policy.data.batches import Batch, Phrasebook, collate, make_sample
 from cliport_policy.data.mixture import Drawn, Mixture
 from cliport_policy.data.recolor import Recoloring
-from cliport_policy.errors import DataError
+from cliport_policy.errors import DataError, TrainingError
 
 WORKERS = min(8, os.cpu_count() or 1)
 
@@ -60,6 +61,7 @@ class Loader:
 
         Raises:
             DataError: if an observation can't be read.
+            RuntimeError: if a worker is gone; torch raises it wherever the training is: see `lost_workers_told`.
         """
         if not workers:
             yield from map(self.step, itertools.count(first))
@@ -106,6 +108,20 @@ class Loader:
             rng = np.random.default_rng((self._config.seed, number, int(position)))
             samples.append(make_sample(drawn[position], self._phrasebook, self._recoloring, self._config, rng))
         return collate(samples)
+
+
+@contextmanager
+def lost_workers_told() -> Iterator[None]:
+    """Say in one line that a process which made batches is gone."""
+    try:
+        yield
+    except RuntimeError as error:
+        if "DataLoader worker" not in str(error):
+            raise
+        raise TrainingError(
+            "a process that makes batches is gone, for want of memory or of room in /dev/shm, say: see to that and run "
+            "the same command again"
+        ) from error
 
 
 class _Ahead(Dataset["StepBatches | DataError"]):

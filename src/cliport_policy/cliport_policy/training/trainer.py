@@ -19,7 +19,7 @@ from torch import Tensor, nn
 from cliport_policy.checkpoint import ANCHORS, Card, save_checkpoint
 from cliport_policy.config import TrainConfig
 from cliport_policy.data.batches import Phrasebook
-from cliport_policy.data.loader import WORKERS, Loader, StepBatches
+from cliport_policy.data.loader import WORKERS, Loader, StepBatches, lost_workers_told
 from cliport_policy.data.mixture import Mixture, Source, SourceSettings
 from cliport_policy.data.recolor import Recoloring
 from cliport_policy.data.wordings import sentence_groups, share_wordings
@@ -117,14 +117,14 @@ class Trainer:
         on_step and on_save are called in the group's first process only. After an error the last save stays.
 
         Raises:
-            TrainingError: if the loss is no number.
+            TrainingError: if the loss is no number, or a process that makes batches is gone.
             CheckpointError: if nothing can be saved.
             DataError: if an observation can't be read.
         """
         started = saved = time.monotonic()
         first = self.step
         workers = 0 if self.group.device.type == "cpu" else WORKERS
-        with closing(self.loader.steps(self.step, workers)) as steps:
+        with lost_workers_told(), closing(self.loader.steps(self.step, workers)) as steps:
             while self.step < self.config.steps:
                 minutes = (time.monotonic() - started) / 60
                 if self.group.any(should_stop() or minutes > max_minutes):
