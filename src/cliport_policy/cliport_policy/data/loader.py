@@ -112,7 +112,7 @@ class Loader:
 
 @contextmanager
 def lost_workers_told() -> Iterator[None]:
-    """Say in one line that a process which made batches is gone."""
+    """Report in one line, as a TrainingError, that a process which made batches is gone."""
     try:
         yield
     except RuntimeError as error:
