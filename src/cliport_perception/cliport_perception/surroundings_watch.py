@@ -20,6 +20,9 @@ _PATIENCE = 2  # looks in a row at a camera that has moved
 _MARGIN, _TALLEST = 0.06, 0.15  # so far around the workspace, and so high over it, pictures change [m]
 _ALIGNED = 0.98  # least correlation of two pictures that one motion makes the same
 _EXPLAINED = 0.6  # of what differed, at most so much may be left
+_TILE = 10  # edge of the tiles that a camera's motion must explain one by one, as an arm's does not [pixels]
+_LEAST_EXPLAINED = 0.7  # of the tiles in which the motion is to be seen
+_SEEN = 5.0  # times the noise by which a tile's pixels are changed by a motion that is to be seen in it
 _STILL = 0.001  # at most so far below 1 is the correlation of pictures that are not looked into any further
 _LEAST_CONTRAST = 4.0  # standard deviation of the surroundings' grey, of 255: with less there is nothing to follow
 _LEAST_SHARE = 0.1  # of the picture that shows surroundings
@@ -97,8 +100,23 @@ class SurroundingsWatch:
         motion = float(np.hypot(*shift.T).mean()) / _WIDTH
         if motion <= self._max_motion:
             self._noise = min(self._noise or apart, apart)
-        explained = motion <= self._max_motion or 1.0 - aligned <= _EXPLAINED * apart
-        return motion if aligned >= _ALIGNED and explained else None
+        if aligned < _ALIGNED:
+            return None
+        explained = 1.0 - aligned <= _EXPLAINED * apart and self._is_all_explained(before, now, warp)
+        return motion if motion <= self._max_motion or explained else None
+
+    def _is_all_explained(self, before: FloatImage, now: FloatImage, warp: npt.NDArray[np.float32]) -> bool:
+        """Return True if the motion makes the pictures alike nearly everywhere that it would be seen.
+
+        An arm is often most of what differs: a motion that fits it moves the rest from where that stands still.
+        """
+        to_before = {"flags": cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP, "borderMode": cv2.BORDER_REPLICATE}
+        back = cv2.warpAffine(now, warp, self._size, **to_before)
+        shown = self._mask * cv2.warpAffine(self._mask, warp, self._size, **to_before)  # around in both
+        one, other, moved = (_standardized(picture, self._mask) for picture in (before, now, back))
+        apart, left, change = (_by_tile(a - b, shown) for a, b in ((one, other), (one, moved), (other, moved)))
+        seen = change >= _SEEN * np.percentile(np.minimum(apart, left), 25)
+        return bool(seen.any()) and float((left < 0.5 * apart)[seen].mean()) >= _LEAST_EXPLAINED
 
 
 def _over_workspace(camera: CameraModel, camera_in_base: Pose, workspace: WorkspaceSpec) -> npt.NDArray[np.bool_]:
@@ -110,6 +128,20 @@ def _over_workspace(camera: CameraModel, camera_in_base: Pose, workspace: Worksp
             reach = (height - camera_in_base.translation[2]) / rays[..., 2]
             covered |= workspace.contains(rays * reach[..., None] + camera_in_base.translation, -_MARGIN) & (reach > 0)
     return covered
+
+
+def _standardized(picture: FloatImage, mask: npt.NDArray[np.uint8]) -> FloatImage:
+    around = picture[mask > 0]
+    return np.asarray((picture - around.mean()) / max(float(around.std()), 1e-6), dtype=np.float32)
+
+
+def _by_tile(difference: FloatImage, shown: npt.NDArray[np.uint8]) -> npt.NDArray[np.float32]:
+    """Return the mean squared difference of each tile of which at least a quarter is shown, (tiles,)."""
+    size = (difference.shape[1] // _TILE, difference.shape[0] // _TILE)
+    cut = np.s_[: size[1] * _TILE, : size[0] * _TILE]
+    share = cv2.resize(shown[cut].astype(np.float32), size, interpolation=cv2.INTER_AREA)
+    error = cv2.resize((difference**2 * shown)[cut], size, interpolation=cv2.INTER_AREA)
+    return np.asarray((error / np.maximum(share, 1e-6))[share >= 0.25], dtype=np.float32)
 
 
 def _correlation(one: FloatImage, other: FloatImage, mask: npt.NDArray[np.uint8]) -> float:

@@ -44,12 +44,18 @@ class Watched:
         )
 
     def see(
-        self, place: Pose = PLACE, count: int = 3, cover: bool = False, gain: float = 1.0, **more: float
+        self,
+        place: Pose = PLACE,
+        count: int = 3,
+        cover: int | None = None,
+        gain: float = 1.0,
+        dark: float = 0.0,
+        **more: float,
     ) -> str | None:
         for _ in range(count):
-            shown = (gain * picture(place, self.rng, **more)).astype(np.uint8)
-            if cover:  # the arm
-                shown[:200, 200:300] = 235
+            shown = (gain * picture(place, self.rng, **more) + dark).astype(np.uint8)
+            if cover is not None:  # the arm
+                shown[:200, cover : cover + 100] = np.linspace(150, 250, 100).astype(np.uint8)[:, None]
             words = self.watch.check(shown, self.seconds * S)
             self.seconds += 1
         return words
@@ -85,11 +91,21 @@ def test_what_lies_on_the_workspace_may_move_and_the_light_may_change() -> None:
 def test_an_arm_before_the_camera_is_no_bump_and_is_seen_past_once_it_has_stood_there() -> None:
     watched = Watched()
     assert watched.see() is None
-    assert watched.see(cover=True) is None
-    assert watched.see(slid(0), cover=True) is not None
-    assert watched.see(cover=True) is None
+    assert watched.see(cover=200) is None
+    assert watched.see(slid(0), cover=200) is not None
+    assert watched.see(cover=200) is None
     assert watched.see() is None
     assert watched.see(slid(1)) is not None
+
+
+@pytest.mark.parametrize("aside", [4, 8, 14])
+def test_an_arm_that_stands_near_where_it_stood_is_no_bump_though_it_is_most_of_what_is_seen(aside: int) -> None:
+    watched = Watched()
+    dull = {"gain": 0.35, "dark": 30.0}
+    assert watched.see(**dull) is None
+    assert watched.see(cover=200, **dull) is None
+    assert watched.see(cover=200 + aside, **dull) is None
+    assert watched.see(slid(2), **dull) is not None
 
 
 def test_plain_surroundings_say_nothing() -> None:
