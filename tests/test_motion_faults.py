@@ -37,6 +37,7 @@ BRAKES = 0.3  # from when a fault is known to the arm's rest [s]
 KNOWN_AFTER = {  # the fault [s]
     "joint states lost": 0.3,  # the guard's joint_silence
     "joint states restamped": 0.4,  # the executor's ArmWatch.frozen
+    "guard killed": 3.0,  # the executor's guard_silence
     "cancel lost, stop asked for": 0.3,  # the executor waits 0.1 s for its cancel, the simulator 0.2 s for a heartbeat
 }
 BUSY_LOAD = 2.0  # load average of the last minute for each core from which a machine is busy; a graph alone stays below
@@ -137,6 +138,16 @@ def test_a_cancel_that_is_lost_is_made_up_for_by_the_simulator(tmp_path: Path) -
         assert "heartbeat lost: nothing from the executor" in graph.log_text(), graph.log_tail(30)
         [goal] = map(json.loads, (tmp_path / SENT).read_text().splitlines())
         assert np.abs(probe.positions(goal["joint_names"]) - goal["positions"][-1]).max() > 0.05, "it had arrived"
+
+
+def test_a_guard_that_is_killed_ends_the_motion_it_no_longer_watches(tmp_path: Path) -> None:
+    with resting_graph(tmp_path, patient=False, velocity_scaling=0.1) as (graph, probe, sentence):
+        probe.instruct(sentence)
+        probe.wait_moving(40.0)
+        log, before, start = FaultLog(graph.log_path), probe.positions(JOINTS), time.monotonic()
+        os.kill(graph.pid_of("guard"), signal.SIGKILL)
+        _rests(probe, "guard killed", start, before, log)
+        assert "no guard was heard for 3 s" in graph.log_text(), graph.log_tail(30)
 
 
 # switches of the simulator before the motion, and what the executor must say then
@@ -246,7 +257,7 @@ def _limit(fault: str) -> float:
     """Return how long after a fault the arm may move [s]; longer on a machine that is busy with other things."""
     died = any(word in fault for word in ("killed", "hung"))
     busy = os.getloadavg()[0] > BUSY_LOAD * (os.cpu_count() or 1)
-    return (DIED if died else KNOWN_AFTER.get(fault, 0.0) + BRAKES) + busy * BUSY
+    return KNOWN_AFTER.get(fault, 0.0) + (DIED if died else BRAKES) + busy * BUSY
 
 
 @pytest.mark.skipif(CHROMIUM is None, reason="no Chromium on this machine")

@@ -45,7 +45,7 @@ class GoalSession:
         watchers: Watchers,
         approvals: Approvals,
     ) -> None:
-        self._owned = OwnedRuns(gate, watchers.owners, parameters.require_owner)
+        self._owned = OwnedRuns(gate, watchers, parameters.require_owner)
         self._approvals, self._guard = approvals, watchers.guard
         self._runner, self._clouds, self._camera, self._parameters = runner, clouds, camera, parameters
         self._now_ns = now_ns
@@ -124,6 +124,7 @@ class GoalSession:
         self._owned.check(owner, plan_only)
         if not plan_only:
             self._patiently(self._guard.check, should_stop)  # one that has just begun reports soon
+            self._owned.watch_guard()
 
     def _feedback(
         self,

@@ -20,7 +20,7 @@ class GuardWatch:
     """
 
     def __init__(self, clock: Callable[[], float], longest: float) -> None:
-        self._clock, self._longest = clock, longest
+        self._clock, self.longest = clock, longest
         self._lock = threading.Lock()
         self._heard = -math.inf
 
@@ -29,22 +29,27 @@ class GuardWatch:
         with self._lock:
             self._heard = self._clock()
 
+    def is_silent(self) -> bool:
+        """Return True where a guard is asked for and none reported lately."""
+        return 0.0 < self.longest < self._silence()
+
     def check(self) -> None:
         """Check that a guard watches.
 
         Raises:
             RequestError: when none reported lately.
         """
-        if self._longest <= 0.0:
-            return
-        with self._lock:
-            silence = self._clock() - self._heard
-        if silence > self._longest:
+        if self.is_silent():
+            silence = self._silence()
             heard = "has been heard yet" if math.isinf(silence) else f"was heard for {silence:.1f} s"
             raise RequestError(
-                f"no guard {heard} (at most {self._longest:g} s): nobody would stop the arm if this process hung; run "
+                f"no guard {heard} (at most {self.longest:g} s): nobody would stop the arm if this process hung; run "
                 "'ros2 run panda_executor guard', or start the executor with guard_silence:=0.0",
                 Refusal.NO_GUARD,
                 silence,
-                self._longest,
+                self.longest,
             )
+
+    def _silence(self) -> float:
+        with self._lock:
+            return self._clock() - self._heard

@@ -91,17 +91,20 @@ class OwnedRuns:
         require_owner: whether goals that move the arm must name one.
     """
 
-    def __init__(self, gate: Gate, owners: OwnerWatch, require_owner: bool) -> None:
-        self._gate, self._owners, self._require_owner = gate, owners, require_owner
+    def __init__(self, gate: Gate, watchers: Watchers, require_owner: bool) -> None:
+        self._gate, self._owners, self._guard, self._require_owner = gate, *watchers, require_owner
+        self._needs_guard = False
 
     def run(self, handle: GoalHandle, logger: Any, act: Callable[[ShouldStop], ActionResult]) -> ActionResult:
         """Return how `act` ended, once the handle is in its final state. act: polls what it is given all the time."""
         began = time.monotonic()
         owner = str(handle.request.owner)
         self._owners.begin(owner)
+        self._needs_guard = False
 
         def should_stop() -> bool:
-            return self._gate.stopped or bool(handle.is_cancel_requested) or self._owners.is_silent(owner)
+            stopped = self._gate.stopped or bool(handle.is_cancel_requested)
+            return stopped or self._owners.is_silent(owner) or self._lacks_guard()
 
         try:
             result = act(should_stop)
@@ -119,6 +122,9 @@ class OwnedRuns:
         if result.outcome is Outcome.CANCELLED and self._owners.is_silent(owner):
             words = f"the goal's owner gave no sign of life for {self._owners.longest:g} s: {result.message}"
             result = replace(result, message=words, refusal=Refusal.OWNER_SILENT, refusal_limit=self._owners.longest)
+        elif result.outcome is Outcome.CANCELLED and self._lacks_guard():
+            words = f"no guard was heard for {self._guard.longest:g} s: {result.message}"
+            result = replace(result, message=words, refusal=Refusal.NO_GUARD, refusal_limit=self._guard.longest)
         took = time.monotonic() - began
         logger.info(f"{result.outcome.name} after {took:.1f} s: {result.message}")
         if result.outcome.is_success:
@@ -128,6 +134,13 @@ class OwnedRuns:
         else:
             handle.abort()
         return result
+
+    def watch_guard(self) -> None:
+        """End the running goal where the guard falls silent from now on."""
+        self._needs_guard = True
+
+    def _lacks_guard(self) -> bool:
+        return self._needs_guard and self._guard.is_silent()
 
     def check(self, owner: str, plan_only: bool) -> None:
         """Check that a goal that moves the arm names its owner. Raises RequestError."""

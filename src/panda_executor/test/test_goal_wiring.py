@@ -134,6 +134,28 @@ def test_a_guard_that_has_just_begun_is_waited_for(bench: Bench, reports: int) -
     assert bench.sleeps == min(reports, 5)
 
 
+@pytest.mark.parametrize(("seconds", "ends"), [(2.9, False), (3.1, True)])
+def test_a_guard_that_falls_silent_ends_the_motion_and_is_blamed(bench: Bench, seconds: float, ends: bool) -> None:
+    def act() -> ActionResult:
+        bench.steady += seconds
+        bench.owners.on_beat("me")
+        stopped = bench.given.should_stop()
+        return ActionResult(Outcome.CANCELLED, "held") if stopped else ActionResult(Outcome.SUCCEEDED, "done")
+
+    bench.act = act
+    ended = bench.ask()
+    assert ended.outcome is (Outcome.CANCELLED if ends else Outcome.SUCCEEDED)
+    assert ended.message == ("no guard was heard for 3 s: held" if ends else "done")
+    assert (ended.refusal, ended.refusal_limit) == ((Refusal.NO_GUARD, 3.0) if ends else (Refusal.NONE, None))
+
+
+def test_what_is_only_planned_needs_no_guard(bench: Bench) -> None:
+    bench.request.plan_only = True
+    bench.steady += 60.0
+    bench.act = lambda: ActionResult(Outcome.PLANNED, "planned")
+    assert bench.ask().outcome is Outcome.PLANNED and not bench.given.should_stop()
+
+
 def test_a_goal_in_another_frame_is_refused(bench: Bench) -> None:
     bench.request = goal_to_msg(GOAL, "map")
     refused = bench.ask()

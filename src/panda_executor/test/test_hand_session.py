@@ -126,7 +126,7 @@ def test_any_other_motion_waits_for_a_cloud_from_after_the_last_one() -> None:
 
 def test_a_motion_that_no_guard_watches_is_refused() -> None:
     bench = Bench()
-    bench.guard._longest = 3.0
+    bench.guard.longest = 3.0
     assert (bench.ask().refusal, bench.given) == (Refusal.NO_GUARD, [])
     bench.guard.on_report()
     assert bench.ask().outcome is Outcome.SUCCEEDED
