@@ -11,17 +11,16 @@ from PIL import Image
 
 from cliport_benchmark.animation import Animation
 from cliport_benchmark.errors import BenchmarkError
-from cliport_benchmark.graph_client import OVERLAYS, GraphClient
+from cliport_benchmark.graph_client import JUDGED_AFTER, OVERLAYS, GraphClient
 from cliport_benchmark.graph_episode import Played, Progress, play_episode
 from cliport_benchmark.graph_process import GraphProcess
 from cliport_core.command_line import CommandParser
 from cliport_core.errors import InstructionError
-from cliport_core.instruction import normalized_instruction
+from cliport_core.instruction import asks_to_stop, normalized_instruction
 from cliport_interfaces.msg import PolicyStatus
 
 READY_TIMEOUT = 120.0
-GOAL_TIMEOUT = 200.0  # of one sentence [s]
-EPISODE_TIMEOUT = 900.0  # of a task [s]: twenty actions
+TIMEOUT = 900.0  # of a sentence, and of a task [s]: twenty actions
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -76,10 +75,12 @@ def _run(args: argparse.Namespace, out: Path) -> tuple[Progress, Played]:
             client.on_status = _StatusPrinter()
             client.on_frame = animation.take
             if args.instruction:
-                asked = client.instruct_and_wait(instruction, GOAL_TIMEOUT, lambda: graph.healthy)
+                asked = client.instruct_and_wait(instruction, TIMEOUT, lambda: graph.healthy)
                 ended = Played(0.0, asked.steps, asked.message, (instruction,), asked.succeeded)
             else:
-                ended = play_episode(client, instruction, client.max_steps, EPISODE_TIMEOUT)
+                ended = play_episode(
+                    client, instruction, client.max_steps, TIMEOUT, lambda: graph.healthy, JUDGED_AFTER
+                )
             progress = client.judged()
         except BenchmarkError as error:
             errors = [line for line in graph.log_text().splitlines() if "error:" in line]
@@ -108,9 +109,12 @@ def _set_scene(client: GraphClient, args: argparse.Namespace) -> str:
 def _instruction(text: str) -> str:
     """Return what the policy server will take; argparse says in one line why not."""
     try:
-        return normalized_instruction(text)
+        said = normalized_instruction(text)
     except InstructionError as error:
         raise argparse.ArgumentTypeError(str(error)) from None
+    if said and asks_to_stop(said):
+        raise argparse.ArgumentTypeError(f"'{said}' asks for nothing to be done: say what is to be done")
+    return said
 
 
 class _StatusPrinter:

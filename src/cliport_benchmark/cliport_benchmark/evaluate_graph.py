@@ -6,7 +6,7 @@ import argparse
 import math
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from statistics import mean
@@ -15,7 +15,7 @@ from typing import Any
 from cliport_benchmark.agents import BUILT_IN
 from cliport_benchmark.errors import BenchmarkError, OptionError, SceneError
 from cliport_benchmark.evaluate import EvaluateConfig
-from cliport_benchmark.graph_client import GraphClient
+from cliport_benchmark.graph_client import JUDGED_AFTER, GraphClient
 from cliport_benchmark.graph_episode import play_episode
 from cliport_benchmark.graph_process import GraphProcess
 from cliport_benchmark.journal import Discarded, GraphEpisode, Journal
@@ -83,17 +83,20 @@ def _run(options: argparse.Namespace, journal: Journal, seeds: Sequence[int]) ->
                 journal.add(Discarded(seed, str(error)))
                 print(f"seed {seed}: discarded, {error}", flush=True)
                 continue
-            episode = _episode(client, seed, sentence, options.real_time_factor)
-            if not graph.healthy:
-                raise BenchmarkError(f"the graph ended in seed {seed} (see {log})")
+            try:
+                episode = _episode(client, seed, sentence, options.real_time_factor, lambda: graph.healthy)
+            except BenchmarkError as error:
+                raise BenchmarkError(f"{error} (seed {seed}; see {log})") from error
             journal.add(episode)
             print(f"seed {seed}: score {episode.score:.2f} in {episode.steps} steps: {episode.message}", flush=True)
 
 
-def _episode(client: GraphClient, seed: int, sentence: str, real_time_factor: float) -> GraphEpisode:
+def _episode(
+    client: GraphClient, seed: int, sentence: str, real_time_factor: float, alive: Callable[[], bool]
+) -> GraphEpisode:
     time.sleep(1.0)  # a camera frame of the new scene
     start = time.monotonic()
-    played = play_episode(client, sentence, client.max_steps, GOAL_TIMEOUT)
+    played = play_episode(client, sentence, client.max_steps, GOAL_TIMEOUT, alive, JUDGED_AFTER / real_time_factor)
     judged = client.judged(real_time_factor)
     wall = round(time.monotonic() - start, 1)
     return GraphEpisode(

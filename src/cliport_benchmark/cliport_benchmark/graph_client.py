@@ -27,7 +27,7 @@ LATCHED = QoSProfile(depth=20, reliability=ReliabilityPolicy.RELIABLE, durabilit
 OVERLAYS = tuple(topics.AFFORDANCES.values())
 MOTION_THRESHOLD = 0.01  # rad/s
 _RESET_TIMEOUT = 40.0  # [s]; longer than the simulator's own, whose answer says more
-_JUDGED_AFTER = SimConfig().max_settle_s + 0.5  # the simulator has judged an action by then [s of simulated time]
+JUDGED_AFTER = SimConfig().max_settle_s + 0.5  # the simulator has judged an action by then [s of simulated time]
 
 
 class Ended(NamedTuple):
@@ -50,7 +50,7 @@ class GraphClient:
         self._condition = threading.Condition()
         self._statuses: list[PolicyStatus] = []
         self._latest: dict[str, Image] = {}
-        self._overlays: dict[str, list[Image]] = {topic: [] for topic in OVERLAYS}  # since the last instruction
+        self._overlays: dict[str, list[Image]] = {topic: [] for topic in OVERLAYS}  # since the last reset
         self._first_motion: float | None = None
         self._last_motion = time.monotonic()
         self._watch_motion = False
@@ -96,6 +96,8 @@ class GraphClient:
         if not response.success:
             raise SceneError(response.message)
         self.max_steps, self.redraws = int(response.max_steps), int(response.redraws)
+        for images in self._overlays.values():
+            images.clear()
         return str(response.instruction)
 
     def score(self, timeout: float = 10.0) -> float:
@@ -107,7 +109,7 @@ class GraphClient:
 
         real_time_factor: the simulator's.
         """
-        time.sleep(_JUDGED_AFTER / real_time_factor)
+        time.sleep(JUDGED_AFTER / real_time_factor)
         return self.progress(timeout)
 
     def progress(self, timeout: float = 10.0) -> Progress:
@@ -126,8 +128,6 @@ class GraphClient:
         """Publish an instruction; statuses seen before are forgotten."""
         with self._condition:
             self._statuses.clear()
-            for images in self._overlays.values():
-                images.clear()
             self._first_motion = None
             self._watch_motion = True
         self._instruction.publish(String(data=text))
@@ -181,7 +181,7 @@ class GraphClient:
         return _to_array(self._latest[topics.COLOR])
 
     def overlays(self, topic: str) -> list[NDArray[np.uint8]]:
-        """Return the affordance pictures of one of OVERLAYS since the last instruction, (rows, cols, 3) RGB each."""
+        """Return the affordance pictures of one of OVERLAYS since the last reset, (rows, cols, 3) RGB each."""
         return [_to_array(message) for message in self._overlays[topic]]
 
     def _last_message(self) -> str:

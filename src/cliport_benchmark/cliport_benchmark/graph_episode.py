@@ -6,11 +6,14 @@ import time
 from collections.abc import Callable
 from typing import NamedTuple, Protocol
 
+from cliport_benchmark.errors import BenchmarkError
 from cliport_interfaces.msg import PolicyStatus
 
 _POLL_S = 0.25  # between looks at what the simulator asks for
 ENDED = (PolicyStatus.STATE_DONE, PolicyStatus.STATE_FAILED)
-_GOES_ON = "step limit of "  # how the server's message begins when it only wants to be asked again
+_OVER = (*ENDED, PolicyStatus.STATE_IDLE)  # idle: somebody stopped it
+# How the server's message begins when it only wants to be asked again: a motion that failed has cost a step.
+_GOES_ON = ("step limit of ", "executor: ")
 
 
 class Progress(NamedTuple):
@@ -51,23 +54,27 @@ def play_episode(
     first: str,
     max_steps: int,
     timeout: float,
+    alive: Callable[[], bool] = lambda: True,
+    settle: float = 0.0,
     sleep: Callable[[float], None] = time.sleep,
     now: Callable[[], float] = time.monotonic,
 ) -> Played:
     """Run an episode: each sentence follows when the one before is reached.
 
-    It ends when the task is reached, the policy gives up, things fly apart or the steps are spent.
+    It ends when the task is reached, the policy gives up or was stopped, things fly apart or the steps are spent.
 
-    first: the scene's first sentence. timeout: of the whole episode [s].
+    first: the scene's first sentence. timeout: of the whole episode [s]. alive: whether the graph runs. settle: how
+    long after a motion the simulator may need to judge it [s].
+
+    Raises:
+        BenchmarkError: when the graph ended.
     """
     said, sentences, before, message = first, [first], 0, ""
     graph.instruct(first)
-    deadline, steps, ended_well = now() + timeout, 0, False
+    deadline, steps, ended_well, ends = now() + timeout, 0, False, _Ends(settle, now)
     while now() < deadline:
         sleep(_POLL_S)
-        status, progress = graph.newest_status(), graph.progress()
-        if status is not None and status.instruction != said:
-            status = None  # of the sentence before
+        status, progress = _look(graph, said, alive)
         if status is not None:
             steps, message = before + int(status.step), status.message
         resting = status is not None and status.state != PolicyStatus.STATE_EXECUTING
@@ -76,13 +83,13 @@ def play_episode(
             return Played(progress.score, steps, message, tuple(sentences), True)
         if progress.broken:
             break
-        over = status is not None and status.state in ENDED
+        over = ends.is_over(status)
         if progress.instruction != said:
             said, before = progress.instruction, steps
             sentences.append(said)
             graph.instruct(said)
         elif over and (steps >= max_steps or not message.startswith(_GOES_ON)):
-            ended_well = status is not None and status.state == PolicyStatus.STATE_DONE
+            ended_well = _is_done(status)
             break
         elif over:
             before = steps
@@ -91,3 +98,30 @@ def play_episode(
             break
     graph.instruct("")
     return Played(graph.progress().score, min(steps, max_steps), message, tuple(sentences), ended_well)
+
+
+class _Ends:
+    """Tells when the policy's end of a sentence stands: what it calls done is first judged by the simulator."""
+
+    def __init__(self, settle: float, now: Callable[[], float]) -> None:
+        self._settle, self._now = settle, now
+        self._judged_by = 0.0
+
+    def is_over(self, status: PolicyStatus | None) -> bool:
+        """Take the status of a look; return True at its end."""
+        if _is_done(status):
+            return self._now() >= self._judged_by
+        self._judged_by = self._now() + self._settle
+        return status is not None and status.state in _OVER
+
+
+def _is_done(status: PolicyStatus | None) -> bool:
+    return status is not None and status.state == PolicyStatus.STATE_DONE
+
+
+def _look(graph: Graph, said: str, alive: Callable[[], bool]) -> tuple[PolicyStatus | None, Progress]:
+    """Return the newest status of the sentence that was said, None for none, and what the simulator says."""
+    if not alive():
+        raise BenchmarkError("the graph ended before the episode did")
+    status, progress = graph.newest_status(), graph.progress()
+    return (status if status is not None and status.instruction == said else None), progress

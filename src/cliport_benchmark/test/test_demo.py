@@ -43,6 +43,12 @@ def test_the_scene_is_made_for_the_instruction_that_is_given() -> None:
     assert client.asked == [("a-task", "test", 3), ("a-task", "test", 3, "put it there")]
 
 
+def test_a_word_that_stops_is_nothing_to_show(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        demo.main(["--instruction", "stop!"])
+    assert "'stop!' asks for nothing to be done: say what is to be done" in capsys.readouterr().err
+
+
 def test_an_instruction_that_no_scene_can_be_made_for_gets_the_seeds_own(capsys: pytest.CaptureFixture[str]) -> None:
     client = Client(refuses=True)
     args = Namespace(task="a-task", seed=3, instruction="put it there")

@@ -45,7 +45,7 @@ class Graph:
         return np.zeros((4, 6, 3), np.uint8)
 
     def instruct_and_wait(self, text: str, timeout: float, alive) -> SimpleNamespace:
-        assert (text, timeout, alive()) == ("do it", 200.0, True)
+        assert (text, timeout, alive()) == ("do it", 900.0, True)
         return SimpleNamespace(steps=2, message="reached", succeeded=True)
 
     def judged(self) -> Progress:
@@ -71,8 +71,8 @@ def graph(monkeypatch: pytest.MonkeyPatch) -> Graph:
     times = iter([float(n) for n in range(99)])
     monkeypatch.setattr(demo, "time", SimpleNamespace(sleep=lambda s: None, monotonic=lambda: next(times)))
 
-    def play(client, first, max_steps, timeout) -> Played:
-        assert (first, max_steps, timeout) == ("put the red block there", 7, 900.0)
+    def play(client, first, max_steps, timeout, alive, settle) -> Played:
+        assert (first, max_steps, timeout, alive()) == ("put the red block there", 7, 900.0, True)
         return Played(0.75, 3, "gave up", (first,), False)
 
     monkeypatch.setattr(demo, "play_episode", play)

@@ -2,6 +2,9 @@
 
 from dataclasses import dataclass, field
 
+import pytest
+
+from cliport_benchmark.errors import BenchmarkError
 from cliport_benchmark.graph_episode import Played, Progress, play_episode
 from cliport_interfaces.msg import PolicyStatus
 
@@ -18,6 +21,8 @@ class Graph:
     looks: int = -1
     breaks_at: int = 10_000
     stale: bool = False
+    dies_at: int = 10_000
+    settle: float = 0.0
 
     def instruct(self, text: str) -> None:
         self.said.append(text)
@@ -37,7 +42,10 @@ class Graph:
 
     def play(self, max_steps: int = 14) -> Played:
         clock = iter(range(1000))
-        return play_episode(self, "a", max_steps, 100.0, lambda _: None, lambda: float(next(clock)))
+        return play_episode(
+            self, "a", max_steps, 100.0, lambda: self.looks < self.dies_at, self.settle, lambda _: None,
+            lambda: float(next(clock)),
+        )  # fmt: skip
 
 
 def test_each_sentence_is_said_when_the_one_before_is_reached() -> None:
@@ -73,6 +81,29 @@ def test_the_tasks_limit_and_a_policy_that_gives_up_end_it() -> None:
     assert not lost.ended_well and lost.steps == 0
     done = Graph([(DONE, "the goal looks reached already", 0, "a", 0.0)])
     assert done.play().ended_well and done.said == ["a", ""]
+
+
+def test_a_motion_that_failed_costs_a_step_and_does_not_end_it() -> None:
+    failed = (FAILED, "executor: GRASP_MISSED: the fingers closed on nothing", 1, "a", 0.0)
+    graph = Graph([failed, (LOOKING, "looking", 0, "a", 0.0), (LOOKING, "looking", 1, "a", 1.0)])
+    played = graph.play()
+    assert graph.said == ["a", "a", ""] and (played.steps, played.score) == (2, 1.0)
+    assert Graph([failed]).play(max_steps=3).steps == 3
+
+
+def test_done_waits_until_the_simulator_has_judged_what_was_done() -> None:
+    done = (DONE, "reached", 1, "a", 0.0)
+    late = [(LOOKING, "looking", 1, "a", 0.0), done, done, (DONE, "reached", 1, "b", 0.5)]
+    reached = (LOOKING, "looking", 1, "b", 1.0)
+    assert Graph([*late, reached], settle=12.0).play().sentences == ("a", "b")
+    assert Graph([*late, reached]).play().sentences == ("a",), "the test can tell"
+
+
+def test_a_stop_or_the_graphs_end_is_an_end() -> None:
+    stopped = Graph([(PolicyStatus.STATE_IDLE, "stopped: call /cliport/resume to go on", 1, "a", 0.25)]).play()
+    assert (stopped.ended_well, stopped.score, stopped.message[:8]) == (False, 0.25, "stopped:")
+    with pytest.raises(BenchmarkError, match="the graph ended"):
+        Graph([(EXECUTING, "moving", 1, "a", 0.0)], dies_at=3).play()
 
 
 def test_what_the_arm_carries_over_its_target_is_not_there_yet() -> None:

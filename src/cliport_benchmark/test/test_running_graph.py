@@ -21,6 +21,7 @@ from cliport_benchmark.graph_client import GraphClient
 from cliport_benchmark.graph_process import GraphProcess
 from cliport_core import topics
 from cliport_interfaces.msg import PolicyStatus
+from cliport_interfaces.srv import ResetTask
 
 TASK = "put-blocks-in-bowls-seen-colors"
 OVERLAY = graph_client.OVERLAYS[0]
@@ -102,7 +103,7 @@ def test_the_score_is_asked_for_once_things_lie_still(client: GraphClient, clock
         success=True, score=0.5, done=True, broken=True, instruction="put it there", message="no task"
     )
     client._score = Service(clock, 0.0, answer)  # type: ignore[assignment]
-    assert client.score() == 0.5 and clock.slept == [graph_client._JUDGED_AFTER]
+    assert client.score() == 0.5 and clock.slept == [graph_client.JUDGED_AFTER]
     assert graph_client.SimConfig().max_settle_s + 0.5 == clock.slept[0]
     assert client.judged(2.0) == (0.5, True, "put it there", True) and clock.slept[1] == clock.slept[0] / 2
     answer.success = False
@@ -170,7 +171,7 @@ def test_an_instruction_ends_with_done_or_failed(client: GraphClient, clock: Clo
     assert ask(failed, done) == (False, "lost", 3, 3.0, 2.0)
 
 
-def test_pictures_of_the_present_instruction_are_kept(client: GraphClient) -> None:
+def test_pictures_of_the_present_scene_are_kept(client: GraphClient) -> None:
     frames: list[np.ndarray] = []
     client.on_frame = frames.append
     for topic, value in ((topics.COLOR, 1), (OVERLAY, 2), (OVERLAY, 3), (topics.COLOR, 4)):
@@ -178,7 +179,12 @@ def test_pictures_of_the_present_instruction_are_kept(client: GraphClient) -> No
     assert [frame[0, 0, 0] for frame in frames] == [1, 4] and client.camera_image().shape == (2, 3, 3)
     assert client.camera_image()[0, 0, 0] == 4
     assert [overlay[1, 2, 2] for overlay in client.overlays(OVERLAY)] == [2, 3]
-    client.instruct("again")
+    for sentence in ("the next one", ""):
+        client.instruct(sentence)
+    assert len(client.overlays(OVERLAY)) == 2, "those of the sentences before"
+    answer = ResetTask.Response(success=True, instruction="another", max_steps=3, redraws=0)
+    client._call = lambda *_: answer  # type: ignore[method-assign]
+    client.reset(TASK, "test", 1)
     assert client.overlays(OVERLAY) == []
 
 

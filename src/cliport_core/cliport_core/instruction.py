@@ -7,6 +7,8 @@ import unicodedata
 from cliport_core.errors import InstructionError
 
 MAX_INSTRUCTION = 500  # characters
+# Words that say no more beside "stop".
+_STOPPABLE = ("", "please", "now", "it", "that", "the", "arm", "robot", "motion", "moving", "everything", "immediately")
 _JOINERS = "\u200c\u200d"  # spelling in Persian, Hindi and others needs them
 _UNPRINTABLE = {"Cc", "Cf", "Cn", "Co", "Cs", "Zl", "Zp"}
 
@@ -14,8 +16,8 @@ _UNPRINTABLE = {"Cc", "Cf", "Cn", "Co", "Cs", "Zl", "Zp"}
 def asks_to_stop(instruction: str) -> bool:
     """Return True for an empty instruction and for one that says no more than stop, halt or cancel."""
     words = [word.strip(".,!").lower() for word in instruction.split()]
-    said = [word for word in words if word not in ("", "please", "now", "it", "that")]
-    return all(word in ("stop", "halt", "cancel") for word in said)
+    said = [word for word in words if word not in _STOPPABLE]
+    return not words or (bool(said) and all(word in ("stop", "halt", "cancel") for word in said))
 
 
 def normalized_instruction(text: str) -> str:

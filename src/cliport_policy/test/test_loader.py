@@ -124,6 +124,8 @@ def test_a_worker_that_is_gone_is_told_of_in_one_line(make_flat_set: MakeSet, tm
         train()
     with pytest.raises(RuntimeError, match=r"^another$"), lost_workers_told():
         raise RuntimeError("another")
+    with pytest.raises(RuntimeError, match=r"^Caught"), lost_workers_told():
+        raise RuntimeError("Caught RuntimeError in DataLoader worker process 3.")
 
 
 def test_unlike_workspaces_do_not_mix(make_flat_set: MakeSet, tmp_path: Path) -> None:

@@ -142,13 +142,30 @@ def test_what_is_not_there_is_not_taken_for_done() -> None:
     assert world.message == "what 'put the purple blocks in a red bowl' names is not to be seen"
 
 
-@pytest.mark.parametrize("text", ["stop", "Halt!", "cancel, please", "STOP NOW", "please stop it."])
+@pytest.mark.parametrize("text", ["stop", "Halt!", "cancel, please", "STOP NOW", "please stop it.", "stop the arm"])
 def test_words_that_mean_stop_end_what_is_going_on(text: str) -> None:
     world = World()
     world.start_moving()
     world.say(text)
     assert world.state == PolicyState.IDLE and len(world.cancelled) == 1
     assert world.message == f"stopped by the instruction '{text}'"
+
+
+def test_a_sentence_that_is_refused_says_that_it_stopped_what_went_on() -> None:
+    world = World()
+    world.say("sing")
+    assert world.message == "the instruction 'sing' is not understood"
+    world.start_moving()
+    world.say("sing")
+    words = "what went on was stopped: the instruction 'sing' is not understood"
+    assert len(world.cancelled) == 1 and world.message == words
+
+
+@pytest.mark.parametrize("text", ["please", "it", "!", "the robot"])
+def test_words_that_only_stand_beside_stop_do_not_mean_it(text: str) -> None:
+    world = World()
+    world.say(text)
+    assert (world.state, world.message) == (PolicyState.FAILED, f"the instruction '{text}' is not understood")
 
 
 @pytest.mark.parametrize("text", ["stop the red block in the bowl", "put the red stop blocks in a bowl"])

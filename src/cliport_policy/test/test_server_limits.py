@@ -14,7 +14,7 @@ from cliport_policy.errors import ConfigError
 from cliport_policy.server.types import Moment, ServerConfig
 
 DEFAULTS = {
-    "max_steps": 8, "require_approval": False, "done_threshold": 0.5, "absent_threshold": 0.5, "min_confidence": 0.02,
+    "max_steps": 20, "require_approval": False, "done_threshold": 0.5, "absent_threshold": 0.5, "min_confidence": 0.02,
     "retries": 2, "max_observation_age": 1.0, "look_back": 0.0, "observation_timeout": 3.0, "settle": 0.2,
     "inference_timeout": 30.0, "max_proposal_age": 60.0, "executor_timeout": 5.0, "heartbeat_timeout": 1.0,
     "goal_timeout": 120.0, "cancel_timeout": 5.0,
@@ -28,7 +28,7 @@ def test_limits_that_nobody_set() -> None:
 @pytest.mark.parametrize(
     ("settings", "words"),
     [
-        ({"max_steps": 1}, ""), ({"max_steps": 0}, "got 0, 2"), ({"retries": 0}, ""), ({"retries": -1}, "got 8, -1"),
+        ({"max_steps": 1}, ""), ({"max_steps": 0}, "got 0, 2"), ({"retries": 0}, ""), ({"retries": -1}, "got 20, -1"),
         ({"done_threshold": 0.0, "absent_threshold": 1.0}, ""), ({"done_threshold": -0.1}, "done_threshold must be in"),
         ({"absent_threshold": 1.1}, "absent_threshold must be in 0..1, got 1.1"), ({"min_confidence": 2}, "min_conf"),
         ({"settle": 0.0, "look_back": 0.5}, ""), ({"look_back": -0.1}, "look_back must be 0 or more"),

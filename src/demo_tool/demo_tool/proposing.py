@@ -74,7 +74,7 @@ class ProposalRequest:
         """Take a status of the server."""
         if self._stage is not _Stage.ASKED or status.instruction != _published_instruction(self.instruction):
             return
-        if status.state is PolicyState.FAILED:
+        if status.state in (PolicyState.FAILED, PolicyState.IDLE):
             self._end(None, f"the policy gives no proposal: {status.message}")
         elif status.state is PolicyState.DONE:
             self._end(None, f"the policy would do nothing: {status.message}")

@@ -95,7 +95,11 @@ def test_a_server_that_moves_nevertheless_is_told_to_drop_it(asked) -> None:
 
 @pytest.mark.parametrize(
     ("state", "words"),
-    [(PolicyState.FAILED, "not sure enough"), (PolicyState.DONE, "the goal looks reached already")],
+    [
+        (PolicyState.FAILED, "not sure enough"),
+        (PolicyState.DONE, "the goal looks reached already"),
+        (PolicyState.IDLE, "nothing to do: the instruction is 'stop'"),
+    ],
 )
 def test_no_proposal_says_why(asked, state, words) -> None:
     asked.policy.instruct = asked.policy.heard.append

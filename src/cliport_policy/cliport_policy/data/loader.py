@@ -20,7 +20,7 @@ from cliport_policy.data.mixture import Drawn, Mixture
 from cliport_policy.data.recolor import Recoloring
 from cliport_policy.errors import DataError, TrainingError
 
-WORKERS = min(8, os.cpu_count() or 1)
+WORKERS = min(8, len(os.sched_getaffinity(0)))  # of one process that trains
 
 
 class StepBatches(NamedTuple):
@@ -116,7 +116,7 @@ def lost_workers_told() -> Iterator[None]:
     try:
         yield
     except RuntimeError as error:
-        if "DataLoader worker" not in str(error):
+        if "DataLoader worker (pid" not in str(error):  # not one's own error, which is handed on from there
             raise
         raise TrainingError(
             "a process that makes batches is gone, for want of memory or of room in /dev/shm, say: see to that and run "

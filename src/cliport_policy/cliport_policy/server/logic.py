@@ -94,7 +94,7 @@ class PolicyServer:
         try:
             self._check_instruction(instruction)
         except PolicyError as error:
-            self._fail(str(error))
+            self._fail(f"what went on was stopped: {error}" if was_busy else str(error))
             return
         self._misses = 0
         # the scene may just have been rearranged

@@ -31,7 +31,7 @@ class ServerConfig:
     instruction it may be, for replays, whose scene nobody rearranges.
     """
 
-    max_steps: int = 8
+    max_steps: int = 20
     require_approval: bool = False
     done_threshold: float = 0.5
     absent_threshold: float = 0.5
