@@ -89,7 +89,7 @@ ADAPTATIONS: tuple[Adaptation, ...] = (
     ),
     Adaptation(
         "all",
-        "a sentence that the agent refuses ends the episode; so do, in the graph, done, not there and not sure, which evaluate only records",
+        "a sentence that the agent refuses ends the episode; in the graph so do done, not there and not sure",
         "a robot at work must know when to stop",
         "none in evaluate without a refusal; in the graph an agent that stops too early keeps the score that stands",
     ),
