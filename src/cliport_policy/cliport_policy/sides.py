@@ -33,7 +33,8 @@ _EITHER = "|".join(_WORDS)
 _BEFORE_NOUN = rf"\b(?:the|a|an|its|that|this)\s+({_EITHER})\s+(?!(?:of|side|end|edge|corner|tip|brown)\b)\w"
 _BEHIND_NOUN = r"\b(?:on|at|to) the (left|right|top|bottom)(?=$|[.,!?])"
 _NAMED = re.compile(f"{_BEFORE_NOUN}|{_BEHIND_NOUN}")
-
+_LEADS = re.compile(r"\b(?:in|into|inside|on|onto|within|to|with)\b")
+_TO_PLACE = re.compile(r"\b(?:in|into|inside|on|onto|within|to)\s+(?:the|a|an|its|that|this)\b")
 
 _OWN_CORNER = re.compile(r"\b(?:front|back) (left|right) (?:tip|corner)\b")
 _FRONT, _BACK = ("front left tip", "front right tip"), ("back right corner", "back left corner")
@@ -88,10 +89,19 @@ def _mean(points: Sequence[tuple[float, float]]) -> tuple[float, float]:
 
 
 def side_named(instruction: str) -> Side | None:
-    """Return the side of the place that a sentence names; None for none, for several, or for a rope's own corners."""
+    """Return the side of the place that a sentence names; None for none, for several, or for a rope's own corners.
+
+    A side of what is picked, "put the left block in a bowl", is none of the place's.
+    """
     text = " ".join(instruction.lower().split())
-    found = {_WORDS[before or behind] for before, behind in _NAMED.findall(text)}
+    found = {_WORDS[named[1] or named[2]] for named in _NAMED.finditer(text) if not _is_picks(text, named)}
     return found.pop() if len(found) == 1 and not names_own_frame(text) else None
+
+
+def _is_picks(text: str, named: re.Match[str]) -> bool:
+    """Return True for a side before the first word that leads to the place, where such a word follows."""
+    following = _LEADS.search(text, named.end())
+    return not _TO_PLACE.search(text[: named.end()]) and following is not None and following[0] != "with"
 
 
 def at_side(side: Side, pixels: Sequence[tuple[int, int]]) -> int:

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import pytest
 
+from cliport_policy.data.color_names import color_spans
 from cliport_policy.errors import InstructionError
 from cliport_policy.joint_config import JointConfig
 from cliport_policy.named_colors import with_colors_alike
@@ -15,6 +16,21 @@ HEART = "put the {} heart in the heart hole"
 @pytest.fixture(scope="module")
 def policy() -> Policy:
     return load_policy("default")
+
+
+@pytest.mark.parametrize(
+    ("sentence", "names"),
+    [
+        ("put the red brick in a green bowl", ["red", "green"]),
+        ("pack the blue toy brick into the brown box", ["blue", "brown"]),
+        ("move a brick red block onto the brick", ["brick red"]),
+        ("put the block that is teal in the salmon orange bowl.", ["teal", "salmon", "orange"]),
+        ("put the teal blocks in a bowl that is plum", ["teal", "plum"]),
+        ("move the red in the green one", ["red", "green"]),
+    ],
+)
+def test_a_colours_name_that_no_thing_follows_is_a_thing(sentence: str, names: list[str]) -> None:
+    assert [sentence[start:end] for start, end in color_spans(sentence)] == names
 
 
 def test_names_of_colours_become_one_word() -> None:

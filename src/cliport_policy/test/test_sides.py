@@ -28,7 +28,10 @@ from cliport_policy.sides import OwnSide, Side, at_own_side, at_side, own_side_n
         ("move the ring to the right side", None),
         ("align the rope from the front left tip to the back right corner", None),
         ("go right ahead and put the red block in the blue bowl", None),
-        ("put the left block in the right bowl", None),  # which of them is the place's is not known
+        ("put the left block in the right bowl", Side.RIGHT),
+        ("i want you to put the left red block in a green bowl", None),  # the thing's side
+        ("into the left hole goes the heart", Side.LEFT),
+        ("put the heart in the left or the right hole", None),
         ("", None),
     ],
 )

@@ -22,6 +22,11 @@ BASIC_TERMS = (
 UNSEEN_STEMS = ("orang", "purpl", "pink", "whit")  # of the benchmark's colours that only test scenes have
 _SPELLINGS = {"grey": "gray", **{term: term for term in BASIC_TERMS}}
 _WORD = re.compile(rf"\b({'|'.join(_SPELLINGS)})\b", re.IGNORECASE)
+_NO_NOUN = re.compile(
+    r"\s*(?:$|[.,;:!?]|(?:and|at|beside|between|by|from|in|inside|into|next|of|on|onto|out|over|to|under|with|within)\b)",
+    re.IGNORECASE,
+)
+_SAID_OF = re.compile(r"\b(?:is|are|be|looks?|colou?red|painted)\s+$", re.IGNORECASE)
 # A shadow changes a colour's lightness more than its hue.
 _WEIGHTS = np.array((0.4, 1.0, 1.0), np.float32)
 
@@ -99,8 +104,17 @@ def _is_told(name: str, arm: str) -> bool:
 
 
 def color_spans(sentence: str) -> list[tuple[int, int]]:
-    """Return where a sentence has a colour's name: its first character, and the one after its last."""
-    return [match.span() for match in _any_name().finditer(sentence)]
+    """Return where a sentence has a colour's name: its first character, and the one after its last.
+
+    What no thing follows, "the red brick in a bowl", is itself a thing, unless it is a basic term or something is said
+    to be so: "the block that is teal".
+    """
+    return [match.span() for match in _any_name().finditer(sentence) if not _is_thing(sentence, match)]
+
+
+def _is_thing(sentence: str, name: re.Match[str]) -> bool:
+    before, behind = sentence[: name.start()], sentence[name.end() :]
+    return not _WORD.search(name[0]) and bool(_NO_NOUN.match(behind)) and not _SAID_OF.search(before)
 
 
 @lru_cache(maxsize=1)
