@@ -61,12 +61,11 @@ class Evaluation:
     """One file of results; score 0..100, None when every episode was discarded.
 
     object_set: of a task with everyday objects. knew_colors: True for a policy that met "unseen" colours in training.
-    doubts: reasons to measure it again. own_set_up: True where the workspace, the camera or the looks were others.
+    doubts: reasons to measure it again. set_up: how the workspace, the camera or the looks were others, in words.
     seeds: the first and the last of its scenes, as "0 to 99". commit: of the source that scored it. discarded: scenes
-    that could not be set up, left out of the mean. redrawn, broken:
-    how many scenes were drawn again, and in how many things flew apart; chance: score 0..100 of random choices;
-    with_next: score 0..100 with the next goal counted as far as it is fulfilled already. None where the file does not
-    say.
+    that could not be set up, left out of the mean. redrawn, broken: how many scenes were drawn again, and in how many
+    things flew apart; chance: score 0..100 of random choices; with_next: score 0..100 with the next goal counted as far
+    as it is fulfilled already. None where the file does not say.
     """
 
     task: str
@@ -77,7 +76,7 @@ class Evaluation:
     object_set: str = ""
     knew_colors: bool = False
     doubts: tuple[str, ...] = ()
-    own_set_up: bool = False
+    set_up: str = ""
     seeds: str = ""
     commit: str = ""
     discarded: int | None = None
@@ -90,7 +89,7 @@ class Evaluation:
     @property
     def section(self) -> Section:
         """The table that it belongs to: the paper's test scores stand beside test scores only, and so on."""
-        if self.own_set_up or self.split not in ("test", "val"):
+        if self.set_up or self.split not in ("test", "val"):
             return OTHER
         if self.task not in (*LANGUAGE_SPLITS, *DEMO_TASKS):
             return OTHER
@@ -122,7 +121,7 @@ def read_evaluation(path: Path) -> Evaluation:
             str(values.get("object_set") or ""),
             bool(values.get("met_surveyed_colors")),
             doubts_about(values),
-            bool(set_up_words(values)),
+            set_up_words(values),
             _seeds(values),
             str(values.get("commit", "")),
             _known(values, "discarded", int),
@@ -166,8 +165,8 @@ def _read_folder(folder: Path) -> list[Evaluation]:
 def language_blind(one: Evaluation, evaluations: Sequence[Evaluation]) -> Evaluation | None:
     """Return the blind agent's evaluation that tells what a score is worth, None where there is none: of the same task,
     split, objects and looks; of several the one of the same scenes, else of the most."""
-    scenes = (one.task, one.split, one.object_set, one.own_set_up)
-    alike = [e for e in evaluations if e.is_blind and (e.task, e.split, e.object_set, e.own_set_up) == scenes]
+    scenes = (one.task, one.split, one.object_set, one.set_up)
+    alike = [e for e in evaluations if e.is_blind and (e.task, e.split, e.object_set, e.set_up) == scenes]
     return max(alike, key=lambda e: (e.seeds == one.seeds, e.episodes), default=None)
 
 

@@ -49,7 +49,6 @@ _ROWS = {
     "cliport_wo_lang": PaperRow("", "", "CLIPORT w/o Lang"),
     "compact_wo_lang": PaperRow("Transporter-only", "", "Transporter"),
     "compact_wo_height": PaperRow("CLIP-only"),
-    "multi": PaperRow("CLIPORT (multi)"),
 }
 
 

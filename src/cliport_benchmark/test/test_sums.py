@@ -14,7 +14,18 @@ from cliport_benchmark.contact_sheet import Captioned, captioned, contact_sheet
 from cliport_benchmark.doubts import doubts_about
 from cliport_benchmark.episode import Episode, Step, _step
 from cliport_benchmark.errors import BenchmarkError, DataFolderError, OptionError
-from cliport_benchmark.evaluation import DEMO_TEST, DEMO_VAL, OTHER, OWN_OBJECTS, TEST, TOLD, VAL, Evaluation, Section
+from cliport_benchmark.evaluation import (
+    DEMO_TEST,
+    DEMO_VAL,
+    OTHER,
+    OWN_OBJECTS,
+    TEST,
+    TOLD,
+    VAL,
+    Evaluation,
+    Section,
+    language_blind,
+)
 from cliport_benchmark.experiment import choose
 from cliport_benchmark.experiment_report import TestScore as Score
 from cliport_benchmark.experiment_report import _is_comparable, table
@@ -87,7 +98,7 @@ def test_a_step_is_written_to_a_tenth_of_a_millimetre() -> None:
         (SEEN, "test", {}, TEST),
         (SEEN, "val", {}, VAL),
         (SEEN, "train", {}, OTHER),
-        (SEEN, "test", {"own_set_up": True}, OTHER),
+        (SEEN, "test", {"set_up": "randomized: light"}, OTHER),
         ("put-blocks-in-bowls-full", "test", {}, OTHER),
         (SWEEP, "test", {}, DEMO_TEST),
         (SWEEP, "val", {}, DEMO_VAL),
@@ -100,6 +111,16 @@ def test_a_step_is_written_to_a_tenth_of_a_millimetre() -> None:
 )
 def test_the_table_that_a_score_belongs_to(task: str, split: str, others: dict[str, Any], section: Section) -> None:
     assert Evaluation(task, "expert", split, 50.0, 100, **others).section is section
+
+
+def test_the_blind_agent_stands_beside_a_score_of_the_same_looks() -> None:
+    mine = Evaluation(SEEN, "mine", "test", 90.0, 50, set_up="randomized: light")
+    others = [
+        Evaluation(SEEN, "blind", "test", 30.0, 50, set_up=looks, is_blind=True)
+        for looks in ("", "colours of the survey", "randomized: light")
+    ]
+    assert language_blind(mine, others) is others[2]
+    assert language_blind(mine, others[:2]) is None
 
 
 @pytest.mark.parametrize(

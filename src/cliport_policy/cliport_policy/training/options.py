@@ -117,7 +117,12 @@ def _parser() -> argparse.ArgumentParser:
     add("--save-minutes", type=float, default=3.0, help="between saves")
     add("--minutes", type=float, default=math.inf, help="stop (and save) after so long")
     add("--keep-steps", default="", metavar="N,N,...", help="steps whose policies are kept in OUT/checkpoints")
-    add("--cache-gb", type=float, default=CACHE_BYTES / 2**30, help="memory for encoded observations, of each process that makes batches")
+    add(
+        "--cache-gb",
+        type=float,
+        default=CACHE_BYTES / 2**30,
+        help="memory for encoded observations, of each process that makes batches",
+    )
     return parser
 
 
