@@ -30,7 +30,7 @@ COMMANDS: dict[str, dict[str, set[str]]] = {
     "panda_driver": {"driver": DRIVER, "conformance": set(), "record_run": set()},
     "cliport_benchmark": {
         **dict.fromkeys(("demo", "evaluate", "evaluate_graph", "results", "card_scores"), SIMULATE),
-        **dict.fromkeys(("gallery", "mounting_curve", "depth_error", "understanding"), SIMULATE),
+        **dict.fromkeys(("gallery", "mounting_curve", "depth_error", "understanding", "worst"), SIMULATE),
         **dict.fromkeys(("record", "generate", "experiment", "bench"), TRAIN | SIMULATE),
     },
 }

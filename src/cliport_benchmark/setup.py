@@ -35,6 +35,7 @@ setup(
             "depth_error = cliport_benchmark.depth_error:main",
             "understanding = cliport_benchmark.understanding_cli:main",
             "gallery = cliport_benchmark.gallery_cli:main",
+            "worst = cliport_benchmark.worst_cli:main",
         ]
     },
 )

@@ -1,0 +1,176 @@
+"""`ros2 run cliport_benchmark worst`: pictures of the worst evaluated episodes, and what was confused."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+from PIL import Image
+
+from cliport_benchmark.confusions import Choice, choices_of, color_confusions
+from cliport_benchmark.contact_sheet import Captioned, Picture, contact_sheet
+from cliport_benchmark.episode import Episode, Step
+from cliport_benchmark.errors import BenchmarkError, DataFolderError
+from cliport_benchmark.evaluation import read_evaluation
+from cliport_benchmark.json_files import check_writable, read_json
+from cliport_benchmark.observer import Observer
+from cliport_benchmark.own_setup import set_up_words
+from cliport_core import WorkspaceSpec
+from cliport_core.command_line import CommandParser
+from sim_bridge.errors import SimBridgeError
+from sim_bridge.scene import reset_scene
+from sim_bridge.world import SimWorld
+
+_COLUMNS = 3
+_ZOOM = 2  # picture's pixels for one of the heightmap
+_RIGHT, _WRONG = (40, 150, 60), (220, 30, 30)
+_MOST_COLORS = 20  # rows of confused colours
+
+
+class Evaluated(NamedTuple):
+    """One episode and the evaluation that it is of."""
+
+    task: str
+    split: str
+    shown: bool  # whether its scene can be set up here: by the simulator's own camera, workspace and looks
+    episode: Episode
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the command; return 0 when everything was written, 1 on an error."""
+    options = _parser().parse_args(arguments)
+    try:
+        check_writable(options.out / "worst.jpg")
+        found = [one for folder in options.folders for one in _read_folder(folder)]
+        table = options.out / "confusions.md"
+        table.write_text(_confusions(found), encoding="utf-8")
+        worst = _worst(found, options.count)
+        if worst:
+            picture = contact_sheet([_shown(one) for one in worst], _COLUMNS)
+            Image.fromarray(picture).save(options.out / "worst.jpg", quality=85)
+    except (BenchmarkError, SimBridgeError, OSError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        print("error: interrupted", file=sys.stderr)
+        return 130
+    print(f"{len(worst)} of {len(found)} episodes in {options.out}/worst.jpg, what was confused in {table}")
+    return 0
+
+
+def _read_folder(folder: Path) -> list[Evaluated]:
+    if not folder.is_dir():
+        raise DataFolderError(f"there is no folder {folder}: name the one that evaluate wrote to")
+    found: list[Evaluated] = []
+    for path in sorted(folder.rglob("*.json")):
+        try:
+            found += _read(path)
+        except DataFolderError as error:
+            print(f"left out: {error}", file=sys.stderr)
+    if not found:
+        raise DataFolderError(f"{folder} holds no results of evaluate")
+    return found
+
+
+def _read(path: Path) -> list[Evaluated]:
+    evaluation, values = read_evaluation(path), read_json(path)
+    own = not set_up_words(values) and not evaluation.object_set.startswith("google")
+    try:
+        episodes = [Episode.from_dict(episode) for episode in values["episodes"]]
+    except (KeyError, TypeError) as error:
+        raise DataFolderError(f"{path} holds no episodes with their actions ({error!r})") from error
+    return [Evaluated(evaluation.task, evaluation.split, own, episode) for episode in episodes]
+
+
+def _worst(found: Sequence[Evaluated], count: int) -> list[Evaluated]:
+    """Return the episodes that fell short of 1, the worst first, of each task in its turn."""
+    ranks: dict[str, int] = {}
+    ranked = []
+    for one in sorted(found, key=lambda one: one.episode.score):
+        if one.shown and one.episode.score < 1.0:
+            ranks[one.task] = ranks.get(one.task, -1) + 1
+            ranked.append((ranks[one.task], one.episode.score, one.task, one))
+    return [one for *_, one in sorted(ranked, key=lambda entry: entry[:3])[:count]]
+
+
+def _shown(one: Evaluated) -> Captioned:
+    """Return the scene from above as it was set up, with an arrow from each pick to its place."""
+    world = SimWorld()
+    try:
+        reset_scene(world, one.task, one.split, one.episode.seed)
+        observer = Observer(world.config)
+        color = observer.heightmap(observer.frame(world)).color
+    finally:
+        world.close()
+    from_above = np.ascontiguousarray(color.transpose(1, 0, 2))  # the robot's side is the upper one
+    picture = cv2.resize(from_above, None, fx=_ZOOM, fy=_ZOOM, interpolation=cv2.INTER_LINEAR)
+    for number, step in enumerate(one.episode.actions, start=1):
+        _draw(picture, world.config.workspace, step, number)
+    return Captioned(f"{one.task} {one.episode.seed}: {one.episode.score:.2f}", picture, _words(one.episode))
+
+
+def _draw(picture: Picture, workspace: WorkspaceSpec, step: Step, number: int) -> None:
+    ink = _RIGHT if step.pick_right and step.place_right else _WRONG
+    scale = _ZOOM / workspace.pixel_size
+    start, end = (
+        (round(scale * (y - workspace.y_min)), round(scale * (x - workspace.x_min)))
+        for x, y, _ in (step.pick, step.place)
+    )
+    cv2.arrowedLine(picture, start, end, ink, 2, cv2.LINE_AA, tipLength=0.1)
+    cv2.putText(picture, str(number), start, cv2.FONT_HERSHEY_SIMPLEX, 0.5, ink, 1, cv2.LINE_AA)
+
+
+def _words(episode: Episode) -> str:
+    """Return what went wrong first."""
+    for number, step in enumerate(episode.actions, start=1):
+        if not (step.pick_right and step.place_right):
+            chosen = f"{step.picked or 'nothing'} to {step.place_at or 'nothing'}"
+            return f"{number}: {step.instruction}. {chosen}, {step.outcome.lower().replace('_', ' ')}"
+    return episode.error or f"{episode.instruction}. all right, in {episode.steps} steps"
+
+
+def _confusions(found: Sequence[Evaluated]) -> str:
+    """Return tables, in Markdown, of what was picked and placed at, task by task, and of the colours confused."""
+    heads = " | ".join(choice.value for choice in Choice)
+    lines = [
+        "# What was confused",
+        "",
+        "Share of the actions, in per cent, whose pick and whose place was right, or else what was there instead.",
+        "",
+        f"| task | actions | part | {heads} |",
+        f"|---|---:|---|{'---:|' * len(Choice)}",
+    ]
+    for task in dict.fromkeys(one.task for one in found):
+        steps = [step for one in found if one.task == task for step in one.episode.actions]
+        for part, counts in zip(("pick", "place"), choices_of(steps), strict=True):
+            if counts:
+                shares = " | ".join(f"{100.0 * counts[choice] / counts.total():.1f}" for choice in Choice)
+                lines.append(f"| {task} | {counts.total()} | {part} | {shares} |")
+    colors = color_confusions(step for one in found for step in one.episode.actions).most_common(_MOST_COLORS)
+    if colors:
+        lines += ["", "| asked for | chosen | times |", "|---|---|---:|"]
+        lines += [f"| {asked} | {chosen} | {times} |" for (asked, chosen), times in colors]
+    return "\n".join(lines) + "\n"
+
+
+def _count(text: str) -> int:
+    if not text.isdigit() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"{text!r}: give a whole number from 1 on")
+    return int(text)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = CommandParser(prog="worst", description="Show the worst episodes of evaluations, and what was confused.")
+    parser.add_argument("folders", nargs="+", type=Path, help="folders that evaluate wrote to")
+    parser.add_argument("--count", type=_count, default=12, help="episodes to show")
+    parser.add_argument("--out", type=Path, default=Path("out/worst"), help="folder for worst.jpg and confusions.md")
+    return parser
+
+
+if __name__ == "__main__":
+    sys.exit(main())
