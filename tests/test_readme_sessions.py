@@ -57,7 +57,7 @@ LESSONS: dict[str, dict[str, str]] = {  # command: what is smaller than in READM
     "--out out/blind": {"--task": f"block-insertion,{BOWLS}", "--episodes": "1"},
     "ros2 run cliport_benchmark results out/expert out/blind --out out/results.md": {},
     "ros2 run cliport_benchmark results out/expert --by-split": {},
-    "ros2 run cliport_benchmark worst out/expert --out out/worst": {},
+    "ros2 run cliport_benchmark worst out/blind --out out/worst": {},
     "ros2 run cliport_benchmark card_scores --checkpoint runs/bowls out/seen.json": {},
     "ros2 run cliport_benchmark understanding --checkpoint runs/bowls --task all": {"--task": BOWLS, "--episodes": "1"},
     "ros2 run cliport_benchmark gallery --out out/benchmark.png --videos out/videos": {"--tasks": "block-insertion"},

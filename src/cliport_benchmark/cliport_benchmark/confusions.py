@@ -3,66 +3,80 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from enum import Enum
+from typing import NamedTuple
 
 from cliport_benchmark.episode import Step
 from cliport_policy.data.color_names import BASIC_TERMS
 from cliport_policy.data.named_things import Kind, named_things
 
 
-class Choice(Enum):
-    """Kind of a choice; the value heads a table's column."""
+class Confusion(Enum):
+    """What was chosen in place of what was asked for; the value heads a table's column."""
 
-    RIGHT = "right"
+    NONE = "right"
     COLOR = "other colour"
     THING = "other thing"
     ONE = "another one like it"
-    NOTHING = "nothing there"
+    BESIDE = "nothing there"
 
 
-def kind_of(described: str) -> Kind:
-    """Split a description, "red block", into a basic colour term, None for none, and a name."""
-    color, _, name = described.partition(" ")
-    return (color, name) if name and color in BASIC_TERMS else (None, described)
+class Judged(NamedTuple):
+    """A pick, or a place: what was asked for, what was chosen, and how these differ."""
+
+    is_pick: bool
+    asked: tuple[Kind, ...]
+    chosen: Kind
+    confusion: Confusion
 
 
-def choices_of(steps: Iterable[Step]) -> tuple[Counter[Choice], Counter[Choice]]:
-    """Count the choices of picks and of places; steps whose sentence names no things are left out."""
-    picks, places = Counter[Choice](), Counter[Choice]()
-    for step in steps:
-        named = named_things(step.instruction)
-        if named is not None:
-            picks[_choice(step.pick_right, step.picked, named.picks)] += 1
-            places[_choice(step.place_right, step.place_at, named.places)] += 1
-    return picks, places
+def judged(steps: Iterable[Step]) -> Iterator[Judged]:
+    """Yield each step's pick, and its place where the pick was right: of another thing no place is asked for.
 
-
-def color_confusions(steps: Iterable[Step]) -> Counter[tuple[str, str]]:
-    """Count which thing was picked or placed at where one of another colour was asked for: (asked, chosen)."""
-    found = Counter[tuple[str, str]]()
+    A step whose sentence names no things is left out.
+    """
     for step in steps:
         named = named_things(step.instruction)
         if named is None:
             continue
-        for right, chosen, asked in (
-            (step.pick_right, step.picked, named.picks),
-            (step.place_right, step.place_at, named.places),
-        ):
-            if _choice(right, chosen, asked) is Choice.COLOR:
-                name = kind_of(chosen)[1]
-                wanted = " or ".join(dict.fromkeys(color for color, other in asked if color and other == name))
-                found[f"{wanted} {name}", chosen] += 1
+        yield _judged(True, step.pick_right, step.picked, named.picks, named.places)
+        if step.pick_right:
+            yield _judged(False, step.place_right, step.place_at, named.places, ())
+
+
+def counts(of: Iterable[Judged], is_pick: bool) -> Counter[Confusion]:
+    """Count how picks, or places, differ from what was asked for."""
+    return Counter(one.confusion for one in of if one.is_pick is is_pick)
+
+
+def confused_colors(of: Iterable[Judged]) -> Counter[tuple[str, str]]:
+    """Count what was chosen where a thing of another colour was asked for: (asked, chosen)."""
+    found = Counter[tuple[str, str]]()
+    for one in of:
+        if one.confusion is Confusion.COLOR:
+            color, name = one.chosen
+            wanted = " or ".join(dict.fromkeys(asked for asked, other in one.asked if asked and other == name))
+            found[f"{wanted} {name}", f"{color} {name}"] += 1
     return found
 
 
-def _choice(right: bool, chosen: str, asked: tuple[Kind, ...]) -> Choice:
+def _judged(is_pick: bool, right: bool, chosen: str, asked: tuple[Kind, ...], others: tuple[Kind, ...]) -> Judged:
+    kind = _kind(chosen, (*asked, *others))
+    colors = {color for color, name in asked if name == kind[1]}
     if right:
-        return Choice.RIGHT
-    if not chosen:
-        return Choice.NOTHING
-    color, name = kind_of(chosen)
-    colors = {wanted for wanted, other in asked if other == name}
-    if not colors:
-        return Choice.THING
-    return Choice.ONE if color in colors or None in colors else Choice.COLOR
+        confusion = Confusion.NONE
+    elif not chosen:
+        confusion = Confusion.BESIDE
+    elif not colors:
+        confusion = Confusion.THING
+    else:
+        confusion = Confusion.ONE if kind[0] in colors or None in colors else Confusion.COLOR
+    return Judged(is_pick, asked, kind, confusion)
+
+
+def _kind(described: str, named: tuple[Kind, ...]) -> Kind:
+    """Split a description, "red block", into colour and name, but for one that is a name of its own, "brown box"."""
+    color, _, name = described.partition(" ")
+    own = described in {other for _, other in named} or not name or color not in BASIC_TERMS
+    return (None, described) if own else (color, name)

@@ -12,7 +12,7 @@ from PIL import Image
 from cliport_benchmark.animation import Animation
 from cliport_benchmark.errors import BenchmarkError
 from cliport_benchmark.graph_client import JUDGED_AFTER, OVERLAYS, GraphClient
-from cliport_benchmark.graph_episode import Played, Progress, play_episode
+from cliport_benchmark.graph_episode import EPISODE_TIMEOUT, Played, Progress, play_episode
 from cliport_benchmark.graph_process import GraphProcess
 from cliport_core.command_line import CommandParser
 from cliport_core.errors import InstructionError
@@ -20,7 +20,6 @@ from cliport_core.instruction import asks_to_stop, normalized_instruction
 from cliport_interfaces.msg import PolicyStatus
 
 READY_TIMEOUT = 120.0
-TIMEOUT = 900.0  # of a sentence, and of a task [s]: twenty actions
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -75,11 +74,11 @@ def _run(args: argparse.Namespace, out: Path) -> tuple[Progress, Played]:
             client.on_status = _StatusPrinter()
             client.on_frame = animation.take
             if args.instruction:
-                asked = client.instruct_and_wait(instruction, TIMEOUT, lambda: graph.healthy)
+                asked = client.instruct_and_wait(instruction, EPISODE_TIMEOUT, lambda: graph.healthy)
                 ended = Played(0.0, asked.steps, asked.message, (instruction,), asked.succeeded)
             else:
                 ended = play_episode(
-                    client, instruction, client.max_steps, TIMEOUT, lambda: graph.healthy, JUDGED_AFTER
+                    client, instruction, client.max_steps, EPISODE_TIMEOUT, lambda: graph.healthy, JUDGED_AFTER
                 )
             progress = client.judged()
         except BenchmarkError as error:

@@ -16,7 +16,7 @@ from cliport_benchmark.agents import BUILT_IN
 from cliport_benchmark.errors import BenchmarkError, OptionError, SceneError
 from cliport_benchmark.evaluate import EvaluateConfig
 from cliport_benchmark.graph_client import JUDGED_AFTER, GraphClient
-from cliport_benchmark.graph_episode import play_episode
+from cliport_benchmark.graph_episode import EPISODE_TIMEOUT, play_episode
 from cliport_benchmark.graph_process import GraphProcess
 from cliport_benchmark.journal import Discarded, GraphEpisode, Journal
 from cliport_benchmark.json_files import check_writable, write_json
@@ -27,7 +27,6 @@ from cliport_policy.errors import PolicyError
 from sim_bridge.errors import SimBridgeError
 
 READY_TIMEOUT = 120.0
-GOAL_TIMEOUT = 900.0  # of an episode [s]: twenty actions
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -85,6 +84,8 @@ def _run(options: argparse.Namespace, journal: Journal, seeds: Sequence[int]) ->
                 continue
             try:
                 episode = _episode(client, seed, sentence, options.real_time_factor, lambda: graph.healthy)
+                if not graph.healthy:
+                    raise BenchmarkError("the graph ended before the episode was judged")
             except BenchmarkError as error:
                 raise BenchmarkError(f"{error} (seed {seed}; see {log})") from error
             journal.add(episode)
@@ -96,7 +97,7 @@ def _episode(
 ) -> GraphEpisode:
     time.sleep(1.0)  # a camera frame of the new scene
     start = time.monotonic()
-    played = play_episode(client, sentence, client.max_steps, GOAL_TIMEOUT, alive, JUDGED_AFTER / real_time_factor)
+    played = play_episode(client, sentence, client.max_steps, EPISODE_TIMEOUT, alive, JUDGED_AFTER / real_time_factor)
     judged = client.judged(real_time_factor)
     wall = round(time.monotonic() - start, 1)
     return GraphEpisode(

@@ -16,6 +16,7 @@ from cliport_benchmark.own_setup import condition_words, set_up_words
 from cliport_benchmark.paper_scores import ABLATION_TABLE, DEMO_VAL_TABLE, TEST_TABLE, VAL_TABLE
 from sim_bridge.tasks import ALIASES, DEMO_TASKS, LANGUAGE_SPLITS, is_known
 
+Read = TypeVar("Read")
 Number = TypeVar("Number", int, float)
 _GOOGLE_OBJECTS = "google "  # prefix of the names of sets of Google Scanned Objects
 LANGUAGE_BLIND = "language-blind, manually perfect"  # the column of the blind agent
@@ -145,26 +146,31 @@ def read_folders(folders: Iterable[Path]) -> list[Evaluation]:
     Raises:
         DataFolderError: when one of them does not exist, or holds no evaluation.
     """
-    return [evaluation for folder in folders for evaluation in _read_folder(folder)]
+    return [evaluation for folder in folders for evaluation in read_folder(folder, read_evaluation)]
 
 
-def _read_folder(folder: Path) -> list[Evaluation]:
+def read_folder(folder: Path, read: Callable[[Path], Read]) -> list[Read]:
+    """Return what `read` makes of each file in a folder, at any depth; what it raises DataFolderError for is left out.
+
+    Raises:
+        DataFolderError: when the folder does not exist, or holds no evaluation.
+    """
     if not folder.is_dir():
         raise DataFolderError(f"there is no folder {folder}: name the one that evaluate wrote to")
-    evaluations = []
+    found = []
     for path in sorted(folder.rglob("*.json")):
         try:
-            evaluations.append(read_evaluation(path))
+            found.append(read(path))
         except DataFolderError as error:
             print(f"left out: {error}", file=sys.stderr)
-    if not evaluations:
+    if not found:
         raise DataFolderError(f"{folder} holds no results of evaluate")
-    return evaluations
+    return found
 
 
 def language_blind(one: Evaluation, evaluations: Sequence[Evaluation]) -> Evaluation | None:
     """Return the blind agent's evaluation that tells what a score is worth, None where there is none: of the same task,
-    split, objects and looks; of several the one of the same scenes, else of the most."""
+    split, objects and kind of set-up; of several the one of the same scenes, else of the most."""
     scenes = (one.task, one.split, one.object_set, one.set_up)
     alike = [e for e in evaluations if e.is_blind and (e.task, e.split, e.object_set, e.set_up) == scenes]
     return max(alike, key=lambda e: (e.seeds == one.seeds, e.episodes), default=None)

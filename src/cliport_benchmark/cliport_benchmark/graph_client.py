@@ -133,10 +133,18 @@ class GraphClient:
         self._instruction.publish(String(data=text))
 
     def instruct_and_wait(self, text: str, timeout: float, alive: Callable[[], bool] = lambda: True) -> Ended:
-        """Send an instruction, wait until the policy says done or failed, and return that."""
+        """Send an instruction, wait until the policy says done or failed, and return that.
+
+        Raises BenchmarkError after timeout seconds, or when somebody stopped the policy.
+        """
         start = time.monotonic()
         self.instruct(text)
-        status = self.wait_status(lambda s: s.state in ENDED, timeout, alive)
+        stopped = PolicyStatus.STATE_IDLE
+        status = self.wait_status(
+            lambda s: s.state in ENDED or (s.state == stopped and s.instruction == text), timeout, alive
+        )
+        if status.state == stopped:
+            raise BenchmarkError(f"somebody stopped the policy: {status.message}")
         wall = time.monotonic() - start
         motion = None if self._first_motion is None else self._first_motion - start
         return Ended(status.state == PolicyStatus.STATE_DONE, status.message, status.step, wall, motion)

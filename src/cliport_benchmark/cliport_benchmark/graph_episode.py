@@ -11,9 +11,9 @@ from cliport_interfaces.msg import PolicyStatus
 
 _POLL_S = 0.25  # between looks at what the simulator asks for
 ENDED = (PolicyStatus.STATE_DONE, PolicyStatus.STATE_FAILED)
-_OVER = (*ENDED, PolicyStatus.STATE_IDLE)  # idle: somebody stopped it
-# How the server's message begins when it only wants to be asked again: a motion that failed has cost a step.
-_GOES_ON = ("step limit of ", "executor: ")
+EPISODE_TIMEOUT = 900.0  # of an episode [s]: twenty actions and more
+# Words of the server after which nobody tries again: the arm was stopped, or may still move.
+_STOPPED = ("executor: CANCELLED", "look before you go on", "look, then call")
 
 
 class Progress(NamedTuple):
@@ -61,13 +61,13 @@ def play_episode(
 ) -> Played:
     """Run an episode: each sentence follows when the one before is reached.
 
-    It ends when the task is reached, the policy gives up or was stopped, things fly apart or the steps are spent.
+    It ends when the task is reached, the policy gives up, things fly apart or the steps are spent.
 
     first: the scene's first sentence. timeout: of the whole episode [s]. alive: whether the graph runs. settle: how
     long after a motion the simulator may need to judge it [s].
 
     Raises:
-        BenchmarkError: when the graph ended.
+        BenchmarkError: when the graph ended, or somebody stopped the policy.
     """
     said, sentences, before, message = first, [first], 0, ""
     graph.instruct(first)
@@ -88,8 +88,8 @@ def play_episode(
             said, before = progress.instruction, steps
             sentences.append(said)
             graph.instruct(said)
-        elif over and (steps >= max_steps or not message.startswith(_GOES_ON)):
-            ended_well = _is_done(status)
+        elif over and (steps >= max_steps or not _goes_on(message)):
+            ended_well = status is not None and status.state == PolicyStatus.STATE_DONE
             break
         elif over:
             before = steps
@@ -101,7 +101,7 @@ def play_episode(
 
 
 class _Ends:
-    """Tells when the policy's end of a sentence stands: what it calls done is first judged by the simulator."""
+    """Tells when the policy's end of a sentence stands: what it did is first judged, as another sentence may follow."""
 
     def __init__(self, settle: float, now: Callable[[], float]) -> None:
         self._settle, self._now = settle, now
@@ -109,14 +109,17 @@ class _Ends:
 
     def is_over(self, status: PolicyStatus | None) -> bool:
         """Take the status of a look; return True at its end."""
-        if _is_done(status):
+        over = status is not None and status.state in ENDED
+        if status is not None and over and not _goes_on(status.message):
             return self._now() >= self._judged_by
         self._judged_by = self._now() + self._settle
-        return status is not None and status.state in _OVER
+        return over
 
 
-def _is_done(status: PolicyStatus | None) -> bool:
-    return status is not None and status.state == PolicyStatus.STATE_DONE
+def _goes_on(message: str) -> bool:
+    """Return True where the server only wants to be asked again: a motion that failed has cost a step."""
+    failed = message.startswith("executor: ") and not any(words in message for words in _STOPPED)
+    return failed or message.startswith("step limit of ")
 
 
 def _look(graph: Graph, said: str, alive: Callable[[], bool]) -> tuple[PolicyStatus | None, Progress]:
@@ -124,4 +127,8 @@ def _look(graph: Graph, said: str, alive: Callable[[], bool]) -> tuple[PolicySta
     if not alive():
         raise BenchmarkError("the graph ended before the episode did")
     status, progress = graph.newest_status(), graph.progress()
-    return (status if status is not None and status.instruction == said else None), progress
+    if status is None or status.instruction != said:
+        return None, progress
+    if status.state == PolicyStatus.STATE_IDLE:
+        raise BenchmarkError(f"somebody stopped the policy: {status.message}")
+    return status, progress

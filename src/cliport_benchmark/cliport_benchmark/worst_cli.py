@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -12,18 +12,19 @@ import cv2
 import numpy as np
 from PIL import Image
 
-from cliport_benchmark.confusions import Choice, choices_of, color_confusions
+from cliport_benchmark.confusions import Confusion, confused_colors, counts, judged
 from cliport_benchmark.contact_sheet import Captioned, Picture, contact_sheet
 from cliport_benchmark.episode import Episode, Step
 from cliport_benchmark.errors import BenchmarkError, DataFolderError
-from cliport_benchmark.evaluation import read_evaluation
+from cliport_benchmark.evaluation import read_evaluation, read_folder
 from cliport_benchmark.json_files import check_writable, read_json
 from cliport_benchmark.observer import Observer
-from cliport_benchmark.own_setup import set_up_words
 from cliport_core import WorkspaceSpec
 from cliport_core.command_line import CommandParser
+from cliport_core.outcome import Outcome
 from sim_bridge.errors import SimBridgeError
 from sim_bridge.scene import reset_scene
+from sim_bridge.tasks import make_task
 from sim_bridge.world import SimWorld
 
 _COLUMNS = 3
@@ -33,58 +34,51 @@ _MOST_COLORS = 20  # rows of confused colours
 
 
 class Evaluated(NamedTuple):
-    """One episode and the evaluation that it is of."""
+    """One episode and the evaluation that it is of; shown: whether its scene can be set up here as it was."""
 
+    agent: str
     task: str
     split: str
-    shown: bool  # whether its scene can be set up here: by the simulator's own camera, workspace and looks
+    shown: bool
     episode: Episode
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Run the command; return 0 when everything was written, 1 on an error."""
     options = _parser().parse_args(arguments)
+    picture, table = options.out / "worst.jpg", options.out / "confusions.md"
     try:
-        check_writable(options.out / "worst.jpg")
-        found = [one for folder in options.folders for one in _read_folder(folder)]
-        table = options.out / "confusions.md"
+        check_writable(picture)
+        found = [one for folder in options.folders for read in read_folder(folder, _read) for one in read]
         table.write_text(_confusions(found), encoding="utf-8")
+        picture.unlink(missing_ok=True)  # of an earlier run
         worst = _worst(found, options.count)
         if worst:
-            picture = contact_sheet([_shown(one) for one in worst], _COLUMNS)
-            Image.fromarray(picture).save(options.out / "worst.jpg", quality=85)
+            Image.fromarray(contact_sheet([_shown(one) for one in worst], _COLUMNS)).save(picture, quality=85)
     except (BenchmarkError, SimBridgeError, OSError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 1
     except KeyboardInterrupt:
         print("error: interrupted", file=sys.stderr)
         return 130
-    print(f"{len(worst)} of {len(found)} episodes in {options.out}/worst.jpg, what was confused in {table}")
+    shown = (
+        f"{len(worst)} of {len(found)} episodes in {picture}"
+        if worst
+        else "no episode that can be shown fell short of 1"
+    )
+    print(f"{shown}; what was confused in {table}")
     return 0
-
-
-def _read_folder(folder: Path) -> list[Evaluated]:
-    if not folder.is_dir():
-        raise DataFolderError(f"there is no folder {folder}: name the one that evaluate wrote to")
-    found: list[Evaluated] = []
-    for path in sorted(folder.rglob("*.json")):
-        try:
-            found += _read(path)
-        except DataFolderError as error:
-            print(f"left out: {error}", file=sys.stderr)
-    if not found:
-        raise DataFolderError(f"{folder} holds no results of evaluate")
-    return found
 
 
 def _read(path: Path) -> list[Evaluated]:
     evaluation, values = read_evaluation(path), read_json(path)
-    own = not set_up_words(values) and not evaluation.object_set.startswith("google")
+    here = make_task(evaluation.task, evaluation.split).object_source == evaluation.object_set
     try:
         episodes = [Episode.from_dict(episode) for episode in values["episodes"]]
     except (KeyError, TypeError) as error:
         raise DataFolderError(f"{path} holds no episodes with their actions ({error!r})") from error
-    return [Evaluated(evaluation.task, evaluation.split, own, episode) for episode in episodes]
+    shown = here and not evaluation.set_up
+    return [Evaluated(evaluation.agent, evaluation.task, evaluation.split, shown, one) for one in episodes]
 
 
 def _worst(found: Sequence[Evaluated], count: int) -> list[Evaluated]:
@@ -111,11 +105,12 @@ def _shown(one: Evaluated) -> Captioned:
     picture = cv2.resize(from_above, None, fx=_ZOOM, fy=_ZOOM, interpolation=cv2.INTER_LINEAR)
     for number, step in enumerate(one.episode.actions, start=1):
         _draw(picture, world.config.workspace, step, number)
-    return Captioned(f"{one.task} {one.episode.seed}: {one.episode.score:.2f}", picture, _words(one.episode))
+    split = "" if one.split == "test" else f" {one.split}"
+    return Captioned(f"{one.task}{split} {one.episode.seed}: {one.episode.score:.2f}", picture, _words(one.episode))
 
 
 def _draw(picture: Picture, workspace: WorkspaceSpec, step: Step, number: int) -> None:
-    ink = _RIGHT if step.pick_right and step.place_right else _WRONG
+    ink = _RIGHT if _is_right(step) else _WRONG
     scale = _ZOOM / workspace.pixel_size
     start, end = (
         (round(scale * (y - workspace.y_min)), round(scale * (x - workspace.x_min)))
@@ -125,37 +120,47 @@ def _draw(picture: Picture, workspace: WorkspaceSpec, step: Step, number: int) -
     cv2.putText(picture, str(number), start, cv2.FONT_HERSHEY_SIMPLEX, 0.5, ink, 1, cv2.LINE_AA)
 
 
+def _is_right(step: Step) -> bool:
+    return step.pick_right and step.place_right and step.outcome == Outcome.SUCCEEDED.name
+
+
 def _words(episode: Episode) -> str:
     """Return what went wrong first."""
     for number, step in enumerate(episode.actions, start=1):
-        if not (step.pick_right and step.place_right):
+        if not _is_right(step):
             chosen = f"{step.picked or 'nothing'} to {step.place_at or 'nothing'}"
             return f"{number}: {step.instruction}. {chosen}, {step.outcome.lower().replace('_', ' ')}"
     return episode.error or f"{episode.instruction}. all right, in {episode.steps} steps"
 
 
 def _confusions(found: Sequence[Evaluated]) -> str:
-    """Return tables, in Markdown, of what was picked and placed at, task by task, and of the colours confused."""
-    heads = " | ".join(choice.value for choice in Choice)
+    """Return tables, in Markdown: what each agent picked and placed at, task by task, and the colours it confused."""
     lines = [
         "# What was confused",
         "",
-        "Share of the actions, in per cent, whose pick and whose place was right, or else what was there instead.",
-        "",
-        f"| task | actions | part | {heads} |",
-        f"|---|---:|---|{'---:|' * len(Choice)}",
+        "Share of the actions, in per cent, whose pick was of what was asked for, or else of what; and of those with a",
+        "right pick the same of the place.",
     ]
-    for task in dict.fromkeys(one.task for one in found):
-        steps = [step for one in found if one.task == task for step in one.episode.actions]
-        for part, counts in zip(("pick", "place"), choices_of(steps), strict=True):
-            if counts:
-                shares = " | ".join(f"{100.0 * counts[choice] / counts.total():.1f}" for choice in Choice)
-                lines.append(f"| {task} | {counts.total()} | {part} | {shares} |")
-    colors = color_confusions(step for one in found for step in one.episode.actions).most_common(_MOST_COLORS)
-    if colors:
-        lines += ["", "| asked for | chosen | times |", "|---|---|---:|"]
-        lines += [f"| {asked} | {chosen} | {times} |" for (asked, chosen), times in colors]
+    heads = " | ".join(confusion.value for confusion in Confusion)
+    for agent in dict.fromkeys(one.agent for one in found):
+        lines += ["", f"## {agent}", "", f"| task | split | part | actions | {heads} |"]
+        lines.append(f"|---|---|---|---:|{'---:|' * len(Confusion)}")
+        own = [one for one in found if one.agent == agent]
+        for task, split in dict.fromkeys((one.task, one.split) for one in own):
+            of = list(judged(_steps(one for one in own if (one.task, one.split) == (task, split))))
+            for part, is_pick in (("pick", True), ("place", False)):
+                if numbers := counts(of, is_pick):
+                    shares = " | ".join(f"{100.0 * numbers[kind] / numbers.total():.1f}" for kind in Confusion)
+                    lines.append(f"| {task} | {split} | {part} | {numbers.total()} | {shares} |")
+        colors = confused_colors(judged(_steps(own))).most_common(_MOST_COLORS)
+        if colors:
+            lines += ["", "| asked for | chosen | times |", "|---|---|---:|"]
+            lines += [f"| {asked} | {chosen} | {times} |" for (asked, chosen), times in colors]
     return "\n".join(lines) + "\n"
+
+
+def _steps(found: Iterable[Evaluated]) -> list[Step]:
+    return [step for one in found for step in one.episode.actions]
 
 
 def _count(text: str) -> int:

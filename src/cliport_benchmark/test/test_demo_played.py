@@ -72,7 +72,7 @@ def graph(monkeypatch: pytest.MonkeyPatch) -> Graph:
     monkeypatch.setattr(demo, "time", SimpleNamespace(sleep=lambda s: None, monotonic=lambda: next(times)))
 
     def play(client, first, max_steps, timeout, alive, settle) -> Played:
-        assert (first, max_steps, timeout, alive()) == ("put the red block there", 7, 900.0, True)
+        assert (first, max_steps, timeout, alive(), settle) == ("put the red block there", 7, 900.0, True, 2.5)
         return Played(0.75, 3, "gave up", (first,), False)
 
     monkeypatch.setattr(demo, "play_episode", play)
@@ -83,9 +83,9 @@ def test_a_demo_leaves_pictures_and_says_how_it_ended(graph: Graph, tmp_path: Pa
     for name in ("old.png", "old.gif", "kept.txt"):
         (tmp_path / name).touch()
     assert demo.main(["--out", str(tmp_path), "--seed", "4"]) == 0
-    names = {f"step{step}_{kind}.png" for step in (1, 2) for kind in ("pick_affordance", "place_affordance")}
+    names = {f"step{step}_{kind}.png" for step in (1, 2) for kind in ("pick", "place")}
     left = {path.name for path in tmp_path.iterdir()}
-    assert {"before.png", "after.png", "demo.gif", "kept.txt"} < left and len(left) == 4 + len(names)
+    assert left == {"before.png", "after.png", "demo.gif", "kept.txt"} | names
     assert capsys.readouterr().out.splitlines() == [
         f"demo: starting the graph (its output: {tmp_path}/graph.log)",
         "demo: instruction: put the red block there",

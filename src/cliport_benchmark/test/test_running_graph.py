@@ -169,6 +169,11 @@ def test_an_instruction_ends_with_done_or_failed(client: GraphClient, clock: Clo
     failed = PolicyStatus(state=PolicyStatus.STATE_FAILED, message="lost", step=3)
     assert ask(moving, done) == (True, "reached", 2, 3.0, 2.0)
     assert ask(failed, done) == (False, "lost", 3, 3.0, 2.0)
+    of_before = PolicyStatus(state=PolicyStatus.STATE_IDLE, message="nothing to do", instruction="")
+    stopped = PolicyStatus(state=PolicyStatus.STATE_IDLE, message="stopped: call it", instruction="put it there")
+    assert ask(of_before, done).message == "reached"
+    with pytest.raises(BenchmarkError, match=r"^somebody stopped the policy: stopped: call it$"):
+        ask(moving, stopped)
 
 
 def test_pictures_of_the_present_scene_are_kept(client: GraphClient) -> None:

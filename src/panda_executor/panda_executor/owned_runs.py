@@ -1,4 +1,4 @@
-"""The run of an accepted goal: under its owner's signs of life, shown and approved, brought to the handle's end."""
+"""The run of an accepted goal: under its owner's and a guard's signs of life, shown, approved, until its end."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ class Watchers(NamedTuple):
 
 
 class OwnedRuns:
-    """Runs accepted goals, one at a time.
+    """Runs accepted goals, one at a time; one whose owner or guard falls silent is told to end.
 
     Args:
         require_owner: whether goals that move the arm must name one.
@@ -93,14 +93,14 @@ class OwnedRuns:
 
     def __init__(self, gate: Gate, watchers: Watchers, require_owner: bool) -> None:
         self._gate, self._owners, self._guard, self._require_owner = gate, *watchers, require_owner
-        self._needs_guard = False
+        self._needs_guard = self._guard_lost = False
 
     def run(self, handle: GoalHandle, logger: Any, act: Callable[[ShouldStop], ActionResult]) -> ActionResult:
         """Return how `act` ended, once the handle is in its final state. act: polls what it is given all the time."""
         began = time.monotonic()
         owner = str(handle.request.owner)
         self._owners.begin(owner)
-        self._needs_guard = False
+        self._needs_guard = self._guard_lost = False
 
         def should_stop() -> bool:
             stopped = self._gate.stopped or bool(handle.is_cancel_requested)
@@ -140,7 +140,9 @@ class OwnedRuns:
         self._needs_guard = True
 
     def _lacks_guard(self) -> bool:
-        return self._needs_guard and self._guard.is_silent()
+        """Return True once the guard fell silent: a late report does not revive a goal that was told to end."""
+        self._guard_lost = self._guard_lost or (self._needs_guard and self._guard.is_silent())
+        return self._guard_lost
 
     def check(self, owner: str, plan_only: bool) -> None:
         """Check that a goal that moves the arm names its owner. Raises RequestError."""

@@ -140,6 +140,7 @@ def test_a_guard_that_falls_silent_ends_the_motion_and_is_blamed(bench: Bench, s
         bench.steady += seconds
         bench.owners.on_beat("me")
         stopped = bench.given.should_stop()
+        bench.guard.on_report()  # too late
         return ActionResult(Outcome.CANCELLED, "held") if stopped else ActionResult(Outcome.SUCCEEDED, "done")
 
     bench.act = act
