@@ -4,7 +4,7 @@
 docs/motion_safety.md of them.
 
 Where a process died or hangs the arm is to rest DIED after it, else BRAKES after the fault is known: at once, but for
-those of KNOWN_AFTER.
+those of KNOWN_AFTER, which is added to either.
 """
 
 import json

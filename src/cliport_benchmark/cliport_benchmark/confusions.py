@@ -13,7 +13,7 @@ from cliport_policy.data.named_things import Kind, named_things
 
 
 class Confusion(Enum):
-    """What was chosen in place of what was asked for; the value heads a table's column."""
+    """Difference between what was chosen and what was asked for; the value heads a table's column."""
 
     NONE = "right"
     COLOR = "other colour"

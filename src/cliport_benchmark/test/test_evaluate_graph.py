@@ -23,6 +23,8 @@ class FakeGraph:
         self.failure: BaseException | None = None
         self.resets: list[int] = []
         self.awaited: list[tuple[float, bool]] = []
+        self.settled: list[float] = []
+        self.dies_in = self.stopped_in = 0  # seeds
 
     def __enter__(self) -> "FakeGraph":
         return self
@@ -53,8 +55,17 @@ def graph(monkeypatch: pytest.MonkeyPatch) -> FakeGraph:
     monkeypatch.setattr(evaluate_graph, "GraphProcess", lambda *_: fake)
     monkeypatch.setattr(evaluate_graph, "GraphClient", lambda name: fake)
     monkeypatch.setattr(evaluate_graph, "time", SimpleNamespace(sleep=lambda s: None, monotonic=lambda: 0.0))
-    played = Played(0.0, 2, "reached", ("put it there",), True)
-    monkeypatch.setattr(evaluate_graph, "play_episode", lambda *_: played)
+
+    def play(client: FakeGraph, first: str, max_steps: int, timeout: float, alive, settle: float) -> Played:
+        assert (client, first, max_steps, timeout, alive()) == (fake, "put it there", 4, 900.0, True)
+        fake.settled.append(settle)
+        if fake.resets[-1] == fake.dies_in:
+            fake.healthy = False
+        if fake.resets[-1] == fake.stopped_in:
+            raise BenchmarkError("somebody stopped the policy: stopped")
+        return Played(0.0, 2, "reached", ("put it there",), True)
+
+    monkeypatch.setattr(evaluate_graph, "play_episode", play)
     return fake
 
 
@@ -85,6 +96,27 @@ def test_what_was_scored_before_a_failure_is_kept(
     assert [path.name for path in tmp_path.iterdir()] == ["graph.json"]
     assert evaluate_graph.main(arguments(out, episodes=4)) == 0
     assert graph.resets == [1, 2, 2, 3, 4]  # the finished ones are not run again
+
+
+@pytest.mark.parametrize(
+    ("fault", "words"),
+    [
+        ("dies_in", "the graph ended before the episode was judged"),
+        ("stopped_in", "somebody stopped the policy: stopped"),
+    ],
+)
+def test_an_episode_that_was_cut_off_is_no_result(
+    graph: FakeGraph, fault: str, words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "graph.json"
+    setattr(graph, fault, 2)
+    assert evaluate_graph.main(arguments(out, episodes=2, **{"real-time-factor": 2})) == 1
+    error = capsys.readouterr().err
+    assert error.startswith(f"error: {words} (seed 2; see ") and error.count("\n") == 1
+    setattr(graph, fault, 0)
+    graph.healthy = True
+    assert evaluate_graph.main(arguments(out, episodes=2, **{"real-time-factor": 2})) == 0
+    assert graph.resets == [1, 2, 2] and graph.settled == [1.25] * 3
 
 
 @pytest.mark.parametrize(

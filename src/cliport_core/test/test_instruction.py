@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from cliport_core.errors import CoreError, InstructionError
-from cliport_core.instruction import MAX_INSTRUCTION, normalized_instruction
+from cliport_core.instruction import MAX_INSTRUCTION, asks_to_stop, normalized_instruction
 
 STATIC = Path(__file__).resolve().parents[2] / "demo_tool/demo_tool/static"
 
@@ -54,3 +54,15 @@ def test_the_page_takes_as_many_characters() -> None:
     scripts = "\n".join(path.read_text() for path in STATIC.rglob("*.js"))
     limits = re.findall(r"LONGEST_INSTRUCTION = (\d+)", scripts)
     assert limits and {int(limit) for limit in limits} == {MAX_INSTRUCTION}
+
+
+@pytest.mark.parametrize(
+    "text", ["", "Stop!", "halt, now", "please stop the arm", "stop moving immediately.", "cancel everything"]
+)
+def test_words_that_stop(text: str) -> None:
+    assert asks_to_stop(text)
+
+
+@pytest.mark.parametrize("text", ["please", "!", "the arm", "stop the red block", "put it there", "bus stop"])
+def test_words_that_do_not_stop(text: str) -> None:
+    assert not asks_to_stop(text)

@@ -19,7 +19,7 @@ _PERIOD_NS = 900_000_000  # from one look to the next
 _PATIENCE = 2  # looks in a row at a camera that has moved
 _MARGIN, _TALLEST = 0.06, 0.15  # so far around the workspace, and so high over it, pictures change [m]
 _ALIGNED = 0.98  # least correlation of two pictures that one motion makes the same
-_EXPLAINED = 0.6  # of what differed, at most so much may be left
+_MOST_LEFT = 0.6  # of what differed, at most so much may be left
 _TILE = 10  # edge of the tiles that a camera's motion must explain one by one, as an arm's does not [pixels]
 _LEAST_EXPLAINED = 0.7  # of the tiles in which the motion is to be seen
 _SEEN = 5.0  # times the noise by which a tile's pixels are changed by a motion that is to be seen in it
@@ -102,8 +102,10 @@ class SurroundingsWatch:
             self._noise = min(self._noise or apart, apart)
         if aligned < _ALIGNED:
             return None
-        explained = 1.0 - aligned <= _EXPLAINED * apart and self._is_all_explained(before, now, warp)
-        return motion if motion <= self._max_motion or explained else None
+        explained = motion <= self._max_motion or (
+            1.0 - aligned <= _MOST_LEFT * apart and self._is_all_explained(before, now, warp)
+        )
+        return motion if explained else None
 
     def _is_all_explained(self, before: FloatImage, now: FloatImage, warp: npt.NDArray[np.float32]) -> bool:
         """Return True if the motion makes the pictures alike nearly everywhere that it would be seen.
@@ -112,7 +114,8 @@ class SurroundingsWatch:
         """
         to_before = {"flags": cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP, "borderMode": cv2.BORDER_REPLICATE}
         back = cv2.warpAffine(now, warp, self._size, **to_before)
-        shown = self._mask * cv2.warpAffine(self._mask, warp, self._size, **to_before)  # around in both
+        to_before["borderMode"] = cv2.BORDER_CONSTANT  # what `now` does not have is around in neither
+        shown = self._mask * cv2.warpAffine(self._mask, warp, self._size, **to_before)
         one, other, moved = (_standardized(picture, self._mask) for picture in (before, now, back))
         apart, left, change = (_by_tile(a - b, shown) for a, b in ((one, other), (one, moved), (other, moved)))
         seen = change >= _SEEN * np.percentile(np.minimum(apart, left), 25)

@@ -33,8 +33,11 @@ _EITHER = "|".join(_WORDS)
 _BEFORE_NOUN = rf"\b(?:the|a|an|its|that|this)\s+({_EITHER})\s+(?!(?:of|side|end|edge|corner|tip|brown)\b)\w"
 _BEHIND_NOUN = r"\b(?:on|at|to) the (left|right|top|bottom)(?=$|[.,!?])"
 _NAMED = re.compile(f"{_BEFORE_NOUN}|{_BEHIND_NOUN}")
-_LEADS = re.compile(r"\b(?:in|into|inside|on|onto|within|to|with)\b")
-_TO_PLACE = re.compile(r"\b(?:in|into|inside|on|onto|within|to)\s+(?:the|a|an|its|that|this)\b")
+_INTO = r"\b(?:in|into|inside|on|onto|within|to)"
+_PLACE_FIRST = re.compile(rf"(?:{_INTO}|\b(?:cover|fill|load|use|with))\s+$")  # words right before what they govern
+_HOLE = re.compile(r"\bhole\b")
+_WITH = re.compile(r"\bwith\b")
+_TO_PLACE = re.compile(rf"{_INTO}\s+(?:the|a|an|its|that|this|each|every|any)\b")
 
 _OWN_CORNER = re.compile(r"\b(?:front|back) (left|right) (?:tip|corner)\b")
 _FRONT, _BACK = ("front left tip", "front right tip"), ("back right corner", "back left corner")
@@ -99,9 +102,13 @@ def side_named(instruction: str) -> Side | None:
 
 
 def _is_picks(text: str, named: re.Match[str]) -> bool:
-    """Return True for a side before the first word that leads to the place, where such a word follows."""
-    following = _LEADS.search(text, named.end())
-    return not _TO_PLACE.search(text[: named.end()]) and following is not None and following[0] != "with"
+    """Return True for a side of what is picked: of no hole, after "with", or where other words lead to the place."""
+    if _HOLE.search(re.split(rf"{_INTO}\b|{_WITH.pattern}", text[named.start() :])[0]):
+        return False
+    governing = _PLACE_FIRST.search(text[: named.start()])
+    if governing is not None:
+        return governing[0].strip() == "with"
+    return named[1] is not None and _TO_PLACE.search(text) is not None and _WITH.search(text, named.end()) is None
 
 
 def at_side(side: Side, pixels: Sequence[tuple[int, int]]) -> int:

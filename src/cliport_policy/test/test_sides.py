@@ -31,6 +31,13 @@ from cliport_policy.sides import OwnSide, Side, at_own_side, at_side, own_side_n
         ("put the left block in the right bowl", Side.RIGHT),
         ("i want you to put the left red block in a green bowl", None),  # the thing's side
         ("into the left hole goes the heart", Side.LEFT),
+        ("use the left bowl to hold the red block", Side.LEFT),
+        ("fill the left hole in the kit with the heart", Side.LEFT),
+        ("fill the bowl with the left block", None),
+        ("align the red piece with the bottom hole of its shape, thanks", Side.BOTTOM),
+        ("into a green bowl put the left block", None),
+        ("with the red heart fill the left heart hole", Side.LEFT),
+        ("in the left hole put the heart", Side.LEFT),
         ("put the heart in the left or the right hole", None),
         ("", None),
     ],

@@ -119,10 +119,11 @@ class OwnedRuns:
         except Exception as error:  # the goal must end whatever happens, with a line that names the fault
             logger.error(f"unexpected {type(error).__name__}: {error}")
             result = ActionResult(Outcome.EXECUTION_FAILED, f"internal error: {type(error).__name__}: {error}")
-        if result.outcome is Outcome.CANCELLED and self._owners.is_silent(owner):
+        was_stopped = result.outcome is Outcome.CANCELLED or result.refusal is Refusal.NOT_APPROVED
+        if was_stopped and self._owners.is_silent(owner):
             words = f"the goal's owner gave no sign of life for {self._owners.longest:g} s: {result.message}"
             result = replace(result, message=words, refusal=Refusal.OWNER_SILENT, refusal_limit=self._owners.longest)
-        elif result.outcome is Outcome.CANCELLED and self._lacks_guard():
+        elif was_stopped and self._lacks_guard():
             words = f"no guard was heard for {self._guard.longest:g} s: {result.message}"
             result = replace(result, message=words, refusal=Refusal.NO_GUARD, refusal_limit=self._guard.longest)
         took = time.monotonic() - began

@@ -150,6 +150,26 @@ def test_a_guard_that_falls_silent_ends_the_motion_and_is_blamed(bench: Bench, s
     assert (ended.refusal, ended.refusal_limit) == ((Refusal.NO_GUARD, 3.0) if ends else (Refusal.NONE, None))
 
 
+def test_a_guard_that_is_lost_while_a_plan_waits_for_approval_ends_the_goal(monkeypatch: pytest.MonkeyPatch) -> None:
+    bench = Bench(monkeypatch, auto_approve=False)
+
+    def act() -> ActionResult:
+        bench.given.on_plan([])
+        return ActionResult(Outcome.SUCCEEDED, "it was approved")
+
+    def wait(plan_id: str, should_stop: Callable[[], bool]) -> None:
+        bench.steady += 3.1
+        bench.owners.on_beat("me")
+        if should_stop():
+            raise RequestError("stopped", Refusal.NOT_APPROVED)
+
+    bench.act = act
+    monkeypatch.setattr(bench.approvals, "wait", wait)
+    ended = bench.ask()
+    assert (ended.outcome, ended.refusal) == (Outcome.REJECTED, Refusal.NO_GUARD)
+    assert ended.message == "no guard was heard for 3 s: stopped"
+
+
 def test_what_is_only_planned_needs_no_guard(bench: Bench) -> None:
     bench.request.plan_only = True
     bench.steady += 60.0

@@ -22,11 +22,11 @@ BASIC_TERMS = (
 UNSEEN_STEMS = ("orang", "purpl", "pink", "whit")  # of the benchmark's colours that only test scenes have
 _SPELLINGS = {"grey": "gray", **{term: term for term in BASIC_TERMS}}
 _WORD = re.compile(rf"\b({'|'.join(_SPELLINGS)})\b", re.IGNORECASE)
-_NO_NOUN = re.compile(
-    r"\s*(?:$|[.,;:!?]|(?:and|at|beside|between|by|from|in|inside|into|next|of|on|onto|out|over|to|under|with|within)\b)",
-    re.IGNORECASE,
+# Names that things have, too: they name a colour before a word for another thing alone.
+_ALSO_THINGS = ("brick", "leaf")
+_OTHER_THING = re.compile(
+    r"\s+(?:blocks?|cubes?|bowls?|dish(?:es)?|box(?:es)?|rings?|piles?|squares?|ones?)\b", re.IGNORECASE
 )
-_SAID_OF = re.compile(r"\b(?:is|are|be|looks?|colou?red|painted)\s+$", re.IGNORECASE)
 # A shadow changes a colour's lightness more than its hue.
 _WEIGHTS = np.array((0.4, 1.0, 1.0), np.float32)
 
@@ -106,15 +106,13 @@ def _is_told(name: str, arm: str) -> bool:
 def color_spans(sentence: str) -> list[tuple[int, int]]:
     """Return where a sentence has a colour's name: its first character, and the one after its last.
 
-    What no thing follows, "the red brick in a bowl", is itself a thing, unless it is a basic term or something is said
-    to be so: "the block that is teal".
+    "brick" is a thing in "the red brick" and a colour in "the brick bowl".
     """
     return [match.span() for match in _any_name().finditer(sentence) if not _is_thing(sentence, match)]
 
 
 def _is_thing(sentence: str, name: re.Match[str]) -> bool:
-    before, behind = sentence[: name.start()], sentence[name.end() :]
-    return not _WORD.search(name[0]) and bool(_NO_NOUN.match(behind)) and not _SAID_OF.search(before)
+    return name[0].lower() in _ALSO_THINGS and not _OTHER_THING.match(sentence, name.end())
 
 
 @lru_cache(maxsize=1)

@@ -26,6 +26,7 @@ from cliport_policy.server.wording import (
     ended_words,
     excerpt,
     one_line,
+    refused_words,
     stop_answer,
     unseen_words,
 )
@@ -82,7 +83,7 @@ class PolicyServer:
             instruction = normalized_instruction(text)
         except InstructionError as error:
             self._status = self._status._replace(instruction=excerpt(text), step=0)
-            self._fail(str(error))
+            self._fail(refused_words(str(error), was_busy))
             return
         self._status = self._status._replace(instruction=instruction, step=0)
         if asks_to_stop(instruction):
@@ -94,7 +95,7 @@ class PolicyServer:
         try:
             self._check_instruction(instruction)
         except PolicyError as error:
-            self._fail(f"what went on was stopped: {error}" if was_busy else str(error))
+            self._fail(refused_words(str(error), was_busy))
             return
         self._misses = 0
         # the scene may just have been rearranged

@@ -31,6 +31,11 @@ def ended_words(instruction: str, was_busy: bool) -> str:
     return f"nothing to do: the instruction is {said}"
 
 
+def refused_words(why: str, was_busy: bool) -> str:
+    """Return why an instruction is not acted on, and what it ended all the same."""
+    return f"what went on was stopped: {why}" if was_busy else why
+
+
 def unseen_words(seconds: float, complaint: str) -> str:
     """Return why there is nothing to act on after so long a wait; complaint: of perception, maybe empty."""
     why = one_line(complaint) or f"is the camera running? (topic {topics.HEIGHTMAP})"
