@@ -7,20 +7,11 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
+from cliport_core.heap import trim_heap
+
 _MAPS = Path("/proc/self/smaps")
 _HEADER = re.compile(r"^([0-9a-f]+)-([0-9a-f]+) (\S{4}) \S+ \S+ \d+ +(.+\.so[.\d]*)$")
 _MADV_DONTNEED = 4
-
-
-def trim_heap() -> None:
-    """Return freed heap to the system; takes some ms.
-
-    An action's maps are freed while the arm moves for seconds before the next one.
-    """
-    try:
-        ctypes.CDLL("libc.so.6").malloc_trim(0)
-    except (OSError, AttributeError):
-        return
 
 
 def release_unused() -> None:

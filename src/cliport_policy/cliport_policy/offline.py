@@ -17,13 +17,13 @@ from typing import Any
 from cliport_core import topics
 from cliport_core.command_line import CommandParser
 from cliport_core.errors import CoreError
+from cliport_core.heap import trim_heap
 from cliport_episodes.errors import EpisodesError
 from cliport_episodes.reader import read_episode
 from cliport_policy.comparison import Comparison, RecordedStep, Span, compare
 from cliport_policy.data.episode_folders import episodes_in
 from cliport_policy.data.plain_bags import plain_steps
 from cliport_policy.errors import ConfigError, InstructionError, PolicyError
-from cliport_policy.memory import trim_heap
 from cliport_policy.offline_report import REPORT_NAME, save_worst, table, write_report
 from cliport_policy.policy import Policy, load_policy
 

@@ -8,6 +8,7 @@ from dataclasses import replace
 from typing import Any, NamedTuple, Protocol
 
 from cliport_core import topics
+from cliport_core.heap import trim_heap
 from cliport_core.outcome import ActionResult, Outcome, Refusal
 from panda_executor.approvals import Approvals
 from panda_executor.errors import RequestError
@@ -134,6 +135,7 @@ class OwnedRuns:
             handle.canceled()
         else:
             handle.abort()
+        trim_heap()  # a search that took long took memory, too
         return result
 
     def watch_guard(self) -> None:

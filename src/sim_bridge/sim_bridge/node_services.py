@@ -9,6 +9,7 @@ from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.node import Node
 
 from cliport_core import topics
+from cliport_core.heap import trim_heap
 from cliport_interfaces.srv import GetScore, ResetTask
 from sim_bridge.errors import PhysicsError, SimBridgeError, SimulationError
 from sim_bridge.panda import ArmState
@@ -69,6 +70,7 @@ class SceneServices:
                 self._take_scene(None)
             raise
         self._take_scene(task)
+        trim_heap()
         self._seed = request.seed
         return task
 

@@ -12,10 +12,10 @@ from typing import NamedTuple, Protocol
 import torch
 
 from cliport_core.errors import CoreError
+from cliport_core.heap import trim_heap
 from cliport_core.heightmap import Heightmap
 from cliport_policy.errors import ConfigError, PolicyError
 from cliport_policy.inference import Inference
-from cliport_policy.memory import trim_heap
 
 logger = logging.getLogger(__name__)
 
