@@ -21,7 +21,9 @@ _MARGIN, _TALLEST = 0.06, 0.15  # so far around the workspace, and so high over 
 _ALIGNED = 0.98  # least correlation of two pictures that one motion makes the same
 _MOST_LEFT = 0.6  # of what differed, at most so much may be left
 _TILE = 10  # edge of the tiles that a camera's motion must explain one by one, as an arm's does not [pixels]
-_LEAST_EXPLAINED = 0.7  # of the tiles in which the motion is to be seen
+# Least share of the tiles in which a motion is to be seen that it explains, by its size as a share of the picture's
+# width: what stands nearer to the camera, as an arm, moves otherwise, which tells most where the rest hardly moved.
+_LEAST_EXPLAINED = ((0.0, 0.012), (0.45, 0.75))
 _SEEN = 5.0  # times the noise by which a tile's pixels are changed by a motion that is to be seen in it
 _STILL = 0.001  # at most so far below 1 is the correlation of pictures that are not looked into any further
 _LEAST_CONTRAST = 4.0  # standard deviation of the surroundings' grey, of 255: with less there is nothing to follow
@@ -103,11 +105,13 @@ class SurroundingsWatch:
         if aligned < _ALIGNED:
             return None
         explained = motion <= self._max_motion or (
-            1.0 - aligned <= _MOST_LEFT * apart and self._is_all_explained(before, now, warp)
+            1.0 - aligned <= _MOST_LEFT * apart and self._is_all_explained(before, now, warp, motion)
         )
         return motion if explained else None
 
-    def _is_all_explained(self, before: FloatImage, now: FloatImage, warp: npt.NDArray[np.float32]) -> bool:
+    def _is_all_explained(
+        self, before: FloatImage, now: FloatImage, warp: npt.NDArray[np.float32], motion: float
+    ) -> bool:
         """Return True if the motion makes the pictures alike nearly everywhere that it would be seen.
 
         An arm is often most of what differs: a motion that fits it moves the rest from where that stands still.
@@ -119,7 +123,8 @@ class SurroundingsWatch:
         one, other, moved = (_standardized(picture, self._mask) for picture in (before, now, back))
         apart, left, change = (_by_tile(a - b, shown) for a, b in ((one, other), (one, moved), (other, moved)))
         seen = change >= _SEEN * np.percentile(np.minimum(apart, left), 25)
-        return bool(seen.any()) and float((left < 0.5 * apart)[seen].mean()) >= _LEAST_EXPLAINED
+        least = float(np.interp(motion, *_LEAST_EXPLAINED))
+        return bool(seen.any()) and float((left < 0.5 * apart)[seen].mean()) >= least
 
 
 def _over_workspace(camera: CameraModel, camera_in_base: Pose, workspace: WorkspaceSpec) -> npt.NDArray[np.bool_]:
