@@ -16,7 +16,7 @@ from sensor_msgs.msg import Image, JointState
 from std_msgs.msg import String
 
 from cliport_benchmark.errors import BenchmarkError, SceneError
-from cliport_benchmark.graph_episode import ENDED, Progress
+from cliport_benchmark.graph_episode import ENDED, Progress, check_not_stopped
 from cliport_core import topics
 from cliport_core.ros_running import SpinThread
 from cliport_interfaces.msg import PolicyStatus
@@ -143,8 +143,7 @@ class GraphClient:
         status = self.wait_status(
             lambda s: s.state in ENDED or (s.state == stopped and s.instruction == text), timeout, alive
         )
-        if status.state == stopped:
-            raise BenchmarkError(f"somebody stopped the policy: {status.message}")
+        check_not_stopped(status)
         wall = time.monotonic() - start
         motion = None if self._first_motion is None else self._first_motion - start
         return Ended(status.state == PolicyStatus.STATE_DONE, status.message, status.step, wall, motion)

@@ -129,6 +129,11 @@ def _look(graph: Graph, said: str, alive: Callable[[], bool]) -> tuple[PolicySta
     status, progress = graph.newest_status(), graph.progress()
     if status is None or status.instruction != said:
         return None, progress
+    check_not_stopped(status)
+    return status, progress
+
+
+def check_not_stopped(status: PolicyStatus) -> None:
+    """Check the status of a sentence that was said. Raises BenchmarkError where somebody stopped the policy."""
     if status.state == PolicyStatus.STATE_IDLE:
         raise BenchmarkError(f"somebody stopped the policy: {status.message}")
-    return status, progress

@@ -15,7 +15,7 @@ from PIL import Image
 from cliport_benchmark.confusions import Confusion, confused_colors, counts, judged
 from cliport_benchmark.contact_sheet import Captioned, Picture, contact_sheet
 from cliport_benchmark.episode import Episode, Step
-from cliport_benchmark.errors import BenchmarkError, DataFolderError
+from cliport_benchmark.errors import BenchmarkError, DataFolderError, OptionError
 from cliport_benchmark.evaluation import read_evaluation, read_folder
 from cliport_benchmark.json_files import check_writable, read_json
 from cliport_benchmark.observer import Observer
@@ -48,6 +48,8 @@ def main(arguments: list[str] | None = None) -> int:
     options = _parser().parse_args(arguments)
     picture, table = options.out / "worst.jpg", options.out / "confusions.md"
     try:
+        if options.count < 1:
+            raise OptionError(f"--count must be 1 or more, got {options.count}")
         check_writable(picture)
         found = [one for folder in options.folders for read in read_folder(folder, _read) for one in read]
         table.write_text(_confusions(found), encoding="utf-8")
@@ -163,16 +165,10 @@ def _steps(found: Iterable[Evaluated]) -> list[Step]:
     return [step for one in found for step in one.episode.actions]
 
 
-def _count(text: str) -> int:
-    if not text.isdigit() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"{text!r}: give a whole number from 1 on")
-    return int(text)
-
-
 def _parser() -> argparse.ArgumentParser:
     parser = CommandParser(prog="worst", description="Show the worst episodes of evaluations, and what was confused.")
     parser.add_argument("folders", nargs="+", type=Path, help="folders that evaluate wrote to")
-    parser.add_argument("--count", type=_count, default=12, help="episodes to show")
+    parser.add_argument("--count", type=int, default=12, help="episodes to show")
     parser.add_argument("--out", type=Path, default=Path("out/worst"), help="folder for worst.jpg and confusions.md")
     return parser
 

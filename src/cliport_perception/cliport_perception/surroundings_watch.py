@@ -116,10 +116,9 @@ class SurroundingsWatch:
 
         An arm is often most of what differs: a motion that fits it moves the rest from where that stands still.
         """
-        to_before = {"flags": cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP, "borderMode": cv2.BORDER_REPLICATE}
-        back = cv2.warpAffine(now, warp, self._size, **to_before)
-        to_before["borderMode"] = cv2.BORDER_CONSTANT  # what `now` does not have is around in neither
-        shown = self._mask * cv2.warpAffine(self._mask, warp, self._size, **to_before)
+        flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+        back = cv2.warpAffine(now, warp, self._size, flags=flags, borderMode=cv2.BORDER_REPLICATE)
+        shown = self._mask * cv2.warpAffine(self._mask, warp, self._size, flags=flags)  # beyond the border lies 0
         one, other, moved = (_standardized(picture, self._mask) for picture in (before, now, back))
         apart, left, change = (_by_tile(a - b, shown) for a, b in ((one, other), (one, moved), (other, moved)))
         seen = change >= _SEEN * np.percentile(np.minimum(apart, left), 25)

@@ -61,12 +61,12 @@ class Watched:
         return words
 
 
-def slid(seed: int) -> Pose:
-    """The camera after a bump of 1 cm along the table and 1 degree about the vertical."""
+def slid(seed: int, share: float = 1.0) -> Pose:
+    """The camera after a bump of 1 cm along the table and 1 degree about the vertical, or of a share of that."""
     rng = np.random.default_rng(seed)
     way, side = rng.uniform(0.0, 2.0 * math.pi), rng.choice([-1.0, 1.0])
-    turn = Rotation.from_rotvec([0.0, 0.0, side * math.radians(1.0)]).as_matrix()
-    return Pose(turn @ PLACE.rotation, PLACE.translation + 0.01 * np.array([math.cos(way), math.sin(way), 0.0]))
+    turn = Rotation.from_rotvec([0.0, 0.0, side * share * math.radians(1.0)]).as_matrix()
+    return Pose(turn @ PLACE.rotation, PLACE.translation + 0.01 * share * np.array([math.cos(way), math.sin(way), 0.0]))
 
 
 @pytest.mark.parametrize("seed", range(10))
@@ -106,6 +106,15 @@ def test_an_arm_that_stands_near_where_it_stood_is_no_bump_though_it_is_most_of_
     assert watched.see(cover=200, **dull) is None
     assert watched.see(cover=200 + aside, **dull) is None
     assert watched.see(slid(2), **dull) is not None
+
+
+@pytest.mark.parametrize(("seed", "aside"), [(2, 2), (4, -1), (4, -2)])
+def test_a_small_bump_is_noticed_though_an_arm_before_the_camera_moves_otherwise(seed: int, aside: int) -> None:
+    """It is nearer than the table: less of the picture is explained than by a larger bump."""
+    watched = Watched()
+    dull = {"gain": 0.35, "dark": 30.0}
+    assert watched.see(cover=200, **dull) is None
+    assert watched.see(slid(seed, 0.5), cover=200 + aside, **dull) is not None
 
 
 def test_plain_surroundings_say_nothing() -> None:

@@ -35,8 +35,8 @@ _BEHIND_NOUN = r"\b(?:on|at|to) the (left|right|top|bottom)(?=$|[.,!?])"
 _NAMED = re.compile(f"{_BEFORE_NOUN}|{_BEHIND_NOUN}")
 _INTO = r"\b(?:in|into|inside|on|onto|within|to)"
 _PLACE_FIRST = re.compile(rf"(?:{_INTO}|\b(?:cover|fill|load|use|with))\s+$")  # words right before what they govern
-_HOLE = re.compile(r"\bhole\b")
 _WITH = re.compile(r"\bwith\b")
+_LEADS = re.compile(rf"{_INTO}\b|{_WITH.pattern}")
 _TO_PLACE = re.compile(rf"{_INTO}\s+(?:the|a|an|its|that|this|each|every|any)\b")
 
 _OWN_CORNER = re.compile(r"\b(?:front|back) (left|right) (?:tip|corner)\b")
@@ -103,7 +103,7 @@ def side_named(instruction: str) -> Side | None:
 
 def _is_picks(text: str, named: re.Match[str]) -> bool:
     """Return True for a side of what is picked: of no hole, after "with", or where other words lead to the place."""
-    if _HOLE.search(re.split(rf"{_INTO}\b|{_WITH.pattern}", text[named.start() :])[0]):
+    if "hole" in _LEADS.split(text[named.start() :])[0]:
         return False
     governing = _PLACE_FIRST.search(text[: named.start()])
     if governing is not None:

@@ -46,7 +46,7 @@ class GoalSession:
         approvals: Approvals,
     ) -> None:
         self._owned = OwnedRuns(gate, watchers, parameters.require_owner)
-        self._approvals, self._guard = approvals, watchers.guard
+        self._approvals = approvals
         self._runner, self._clouds, self._camera, self._parameters = runner, clouds, camera, parameters
         self._now_ns = now_ns
         self._still_since_ns = 0
@@ -123,8 +123,7 @@ class GoalSession:
         """Check that a goal that moves the arm has an owner and a guard. Raises RequestError."""
         self._owned.check(owner, plan_only)
         if not plan_only:
-            self._patiently(self._guard.check, should_stop)  # one that has just begun reports soon
-            self._owned.watch_guard()
+            self._patiently(self._owned.need_guard, should_stop)  # one that has just begun reports soon
 
     def _feedback(
         self,

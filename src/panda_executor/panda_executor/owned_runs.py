@@ -138,8 +138,9 @@ class OwnedRuns:
         trim_heap()  # a search that took long took memory, too
         return result
 
-    def watch_guard(self) -> None:
-        """End the running goal where the guard falls silent from now on."""
+    def need_guard(self) -> None:
+        """Check that a guard watches; where it falls silent from now on, the running goal ends. Raises RequestError."""
+        self._guard.check()
         self._needs_guard = True
 
     def _lacks_guard(self) -> bool:

@@ -124,6 +124,13 @@ def test_the_runner_is_given_the_goal_as_it_came(bench: Bench) -> None:
     assert bench.ended == ["succeeded"]
 
 
+def test_a_goals_memory_is_given_back_once_it_has_ended(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    ended: list[list[str]] = []
+    monkeypatch.setattr(owned_runs, "trim_heap", lambda: ended.append(list(bench.ended)))
+    bench.ask()
+    assert ended == [["succeeded"]]
+
+
 @pytest.mark.parametrize("reports", [3, 6])
 def test_a_guard_that_has_just_begun_is_waited_for(bench: Bench, reports: int) -> None:
     """For a second, in which one that runs reports."""
