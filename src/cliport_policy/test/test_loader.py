@@ -1,6 +1,7 @@
 """Mixtures are drawn by weight, and steps are the same however often, by whom and in how many parts they are made."""
 
 import multiprocessing
+import threading
 from collections import Counter
 from collections.abc import Callable
 from contextlib import closing
@@ -11,6 +12,7 @@ import cv2
 import numpy as np
 import pytest
 import torch
+from torch.utils.data.dataloader import _MultiProcessingDataLoaderIter
 
 from cliport_policy.config import PAPER, TrainConfig
 from cliport_policy.data.batches import Batch, Phrasebook
@@ -126,6 +128,19 @@ def test_a_worker_that_is_gone_is_told_of_in_one_line(make_flat_set: MakeSet, tm
         raise RuntimeError("another")
     with pytest.raises(RuntimeError, match=r"^Caught"), lost_workers_told():
         raise RuntimeError("Caught RuntimeError in DataLoader worker process 3.")
+
+
+def test_a_worker_that_ends_in_the_midst_of_a_batch_is_told_of_as_well(
+    make_flat_set: MakeSet, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def cut_off(steps: object) -> None:
+        for worker in multiprocessing.active_children():
+            threading.Timer(0.3, worker.kill).start()
+        raise ConnectionResetError(104, "Connection reset by peer")
+
+    monkeypatch.setattr(_MultiProcessingDataLoaderIter, "_next_data", cut_off)
+    with pytest.raises(TrainingError, match=r"^a process that makes batches is gone"), lost_workers_told():
+        next(_loader(_mixture(make_flat_set, tmp_path)).steps(0, 2))
 
 
 def test_unlike_workspaces_do_not_mix(make_flat_set: MakeSet, tmp_path: Path) -> None:

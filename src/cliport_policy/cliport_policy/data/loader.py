@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import os
+import time
 from collections.abc import Generator, Iterator
 from contextlib import contextmanager
 from typing import NamedTuple
@@ -21,6 +22,7 @@ from cliport_policy.data.recolor import Recoloring
 from cliport_policy.errors import DataError, TrainingError
 
 WORKERS = min(8, len(os.sched_getaffinity(0)))  # of one process that trains
+_HEARD_WITHIN = 5.0  # s, from a worker's end to the signal that tells of it
 
 
 class StepBatches(NamedTuple):
@@ -77,7 +79,7 @@ class Loader:
         threads = cv2.getNumThreads()
         cv2.setNumThreads(1)  # before the workers begin, which share the cores: told later, one with a pool would hang
         try:
-            for made in ahead:
+            for made in _as_torch_tells(iter(ahead)):
                 if isinstance(made, DataError):
                     raise made
                 yield made
@@ -135,6 +137,18 @@ class _Ahead(Dataset["StepBatches | DataError"]):
             return self._loader.step(number)
         except DataError as error:
             return error
+
+
+def _as_torch_tells(made: Iterator[StepBatches | DataError]) -> Iterator[StepBatches | DataError]:
+    """Yield what is made; where a worker's end cuts a batch off, wait for torch's word of it, which says what it is.
+
+    Torch hears of it by a signal a moment later, and raises then, wherever the training is.
+    """
+    try:
+        yield from made
+    except (OSError, EOFError):
+        time.sleep(_HEARD_WITHIN)
+        raise
 
 
 def _as_it_is(made: StepBatches | DataError) -> StepBatches | DataError:
