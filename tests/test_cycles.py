@@ -11,6 +11,7 @@ import time
 from pathlib import Path
 from statistics import median
 
+import numpy as np
 import pytest
 from graph_probe import GraphProbe
 from hardware_times import ROOT
@@ -25,7 +26,7 @@ TASK = "put-blocks-in-bowls-seen-colors"
 FASTER = float(os.environ.get("FASTER", "2"))  # than real time; at 20 no picture is fresh when it arrives
 DONE = 0.9  # of the cycles, at least: the shipped policy ends nearly all of this task's
 GROWTH_MB = 20.0  # of a process after the first tenth, at most
-SLOWER = 1.05  # the last tenth than the first, at most
+SLOWER = 1.05  # the last tenth than the first, at most, where the machine itself is as fast as it was
 ENOUGH = 100  # cycles from which on the pace says anything
 OUT = ROOT / "out" / "cycles.json"
 
@@ -37,6 +38,7 @@ def test_a_thousand_cycles_leave_the_graph_as_it_was(tmp_path: Path) -> None:
     domain, before = next_domain(), shared_files()
     arguments = {"task": TASK, "split": "test", "seed": "0", "real_time_factor": str(FASTER)}
     seconds: list[float] = []
+    machine: list[float] = []  # processor time of one and the same work after each cycle [s]
     memory: list[dict[str, float]] = []  # of each process, after each tenth [MB]
     done = 0
     with (
@@ -49,21 +51,31 @@ def test_a_thousand_cycles_leave_the_graph_as_it_was(tmp_path: Path) -> None:
             sentence = probe.reset(TASK, "test", cycle % TENTH)
             done += probe.instruct_and_wait(sentence, 300.0, lambda: graph.healthy).succeeded
             seconds.append(time.monotonic() - began)
+            machine.append(own_seconds())
             assert graph.healthy, graph.log_tail(40)
             if (cycle + 1) % TENTH == 0:
                 memory.append({name_of(pid): resident_mb(pid) for pid in graph.pids()})
                 write({"cycles": cycle + 1, "succeeded": done, "memory_mb": memory}, seconds)
         assert "Traceback" not in graph.log_text(), graph.log_tail(60)
     growth = {name: memory[-1][name] - at_first for name, at_first in memory[0].items()}
-    slower = median(seconds[-TENTH:]) / median(seconds[:TENTH])
+    slower, machine_slower = (median(times[-TENTH:]) / median(times[:TENTH]) for times in (seconds, machine))
     left = sorted(name for name in shared_files() - before if not is_used(name))
-    found = {"cycles": CYCLES, "succeeded": done, "growth_mb": growth, "last_to_first_tenth": slower, "left": left}
+    found = {"cycles": CYCLES, "succeeded": done, "growth_mb": growth, "left": left}
+    found |= {"last_to_first_tenth": slower, "machine_last_to_first_tenth": machine_slower}
     write({**found, "memory_mb": memory}, seconds)
     print(found)
     assert done >= DONE * CYCLES, f"{done} of {CYCLES} succeeded"
     assert not left
     assert max(growth.values()) <= GROWTH_MB, growth
-    assert CYCLES < ENOUGH or slower <= SLOWER
+    assert CYCLES < ENOUGH or slower <= SLOWER * machine_slower
+
+
+def own_seconds() -> float:
+    """Return the processor time of a fixed computation [s]: machines are not as fast at each hour."""
+    began = time.process_time()
+    for _ in range(20):
+        np.sort(np.random.default_rng(0).random(100_000))
+    return time.process_time() - began
 
 
 def write(found: dict[str, object], seconds: list[float]) -> None:

@@ -13,6 +13,7 @@ from rclpy.exceptions import InvalidHandle
 from rclpy.node import Node
 
 Decide = Callable[[Any], Any]
+RESULT_KEPT_S = 30  # by rclpy 900: memory grows over some 200 scenes then, and each status names all their goals
 
 
 class ThreadedActionServer(ActionServer):  # type: ignore[type-arg,unused-ignore]
@@ -30,10 +31,14 @@ class ThreadedActionServer(ActionServer):  # type: ignore[type-arg,unused-ignore
         cancel_callback: Decide = default_cancel_callback,
         **kwargs: Any,
     ) -> None:
-        """Take rclpy's arguments. Where a callback fails, a goal is rejected or a cancel accepted; the log says so."""
+        """Take rclpy's arguments; result_timeout: RESULT_KEPT_S [s] unless said.
+
+        Where a callback fails, a goal is rejected or a cancel accepted; the log says so.
+        """
         self._log = node.get_logger()
         goal = self._or(goal_callback, GoalResponse.REJECT)
         cancel = self._or(cancel_callback, CancelResponse.ACCEPT)
+        kwargs = {"result_timeout": RESULT_KEPT_S} | kwargs
         super().__init__(node, *args, goal_callback=goal, cancel_callback=cancel, **kwargs)
 
     def _or(self, decide: Decide, otherwise: Any) -> Decide:

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Callable, Iterator
+from typing import Any
 
 import pytest
 import rclpy
+from action_msgs.msg import GoalStatus
 from rclpy.action import ActionClient, GoalResponse
 from rclpy.context import Context
 from rclpy.node import Node
@@ -123,3 +126,34 @@ def test_a_defect_in_taking_a_goal_rejects_it_and_is_logged(node: Node, capfd: p
     client.destroy()
     assert accepted == [False] and told == []
     assert "REJECT of a goal for ValueError: a defect" in capfd.readouterr().err
+
+
+def test_ended_goals_are_forgotten_by_and_by(node: Node) -> None:
+    def run(handle: Any) -> PickPlace.Result:
+        handle.succeed()
+        return PickPlace.Result()
+
+    server = ThreadedActionServer(node, PickPlace, "/look", run, result_timeout=1)
+    client = ActionClient(node, PickPlace, "/look")
+    spinner = SpinThread(node, lambda error: None, node.context)
+    assert client.wait_for_server(60.0)
+    ended: list[Future] = []
+
+    def begin() -> None:
+        client.send_goal_async(PickPlace.Goal()).add_done_callback(
+            lambda answer: answer.result().get_result_async().add_done_callback(ended.append)
+        )
+
+    for _ in range(3):
+        SpinQueue(node).post(begin)
+    known = []
+    for _ in range(600):
+        known.append(len(server._goal_handles))
+        if len(ended) == 3 and not known[-1]:
+            break
+        time.sleep(0.1)
+    spinner.stop()
+    server.destroy()
+    client.destroy()
+    assert max(known) == 3 and known[-1] == 0, known
+    assert [answer.result().status for answer in ended] == [GoalStatus.STATUS_SUCCEEDED] * 3
