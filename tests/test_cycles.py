@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import os
 import time
+from collections import defaultdict
 from pathlib import Path
 from statistics import median
 
@@ -39,7 +40,8 @@ def test_a_thousand_cycles_leave_the_graph_as_it_was(tmp_path: Path) -> None:
     arguments = {"task": TASK, "split": "test", "seed": "0", "real_time_factor": str(FASTER)}
     seconds: list[float] = []
     machine: list[float] = []  # processor time of one and the same work after each cycle [s]
-    memory: list[dict[str, float]] = []  # of each process, after each tenth [MB]
+    memory: list[dict[str, float]] = []  # of each process, the median after a tenth's cycles [MB]
+    held: dict[str, list[float]] = defaultdict(list)  # after each cycle of the tenth under way [MB]
     done = 0
     with (
         GraphProcess("sim.launch.yaml", arguments, tmp_path / "graph.log", {"ROS_DOMAIN_ID": str(domain)}) as graph,
@@ -53,8 +55,11 @@ def test_a_thousand_cycles_leave_the_graph_as_it_was(tmp_path: Path) -> None:
             seconds.append(time.monotonic() - began)
             machine.append(own_seconds())
             assert graph.healthy, graph.log_tail(40)
+            for pid in graph.pids():
+                held[name_of(pid)].append(resident_mb(pid))
             if (cycle + 1) % TENTH == 0:
-                memory.append({name_of(pid): resident_mb(pid) for pid in graph.pids()})
+                memory.append({name: median(values) for name, values in held.items()})
+                held.clear()
                 write({"cycles": cycle + 1, "succeeded": done, "memory_mb": memory}, seconds)
         assert "Traceback" not in graph.log_text(), graph.log_tail(60)
     growth = {name: memory[-1][name] - at_first for name, at_first in memory[0].items()}

@@ -16,6 +16,7 @@ from tf2_msgs.msg import TFMessage
 
 from cliport_core import messages, topics
 from cliport_core.errors import CoreError
+from cliport_core.heap import trim_heap
 from cliport_core.pose import Pose
 from cliport_core.ros_rgbd import SLOP_S
 from cliport_core.ros_running import run_node
@@ -35,6 +36,7 @@ from cliport_perception.table_watch import TableLimits
 from panda_model.ros_parameters import declare_base_frame, declare_robot
 
 LOG_PERIOD_S = 10.0  # an unchanged fault is logged this often
+TRIM_EVERY = 10  # reports: what a large cloud needed at most is given back
 PATIENCE = 3  # reports before the first complaint: nodes start in any order
 
 
@@ -138,6 +140,8 @@ class PerceptionNode(Node):
             elif not report.level and throttle.reset():
                 self.get_logger().info(f"camera{which} data is fresh again")
             self._diagnostics.publish(conversions.diagnostics_to_msg(f"{topics.CAMERA_STATUS}{which}", report, now_ns))
+        if self._reports % TRIM_EVERY == 0:
+            trim_heap()
 
     def _complain(self, message: str, throttle: MessageThrottle | None = None) -> None:
         if (throttle or self._throttles[0]).passes(message, time.monotonic()):

@@ -22,7 +22,7 @@ from cliport_core.image_files import encode_jpeg
 from cliport_core.pose import Pose
 from cliport_core.topics import CAMERA_INFO, COLOR, DEPTH
 from cliport_interfaces.msg import Heightmap as HeightmapMsg
-from cliport_perception import conversions
+from cliport_perception import conversions, node
 from cliport_perception.clouds import MARGIN
 from cliport_perception.errors import PerceptionError
 from cliport_perception.heightmap_builder import heightmap_from_rgbd
@@ -220,6 +220,14 @@ def test_the_camera_is_heard_as_reliably_as_it_speaks(fake: FakeCamera) -> None:
     assert fake.until(lambda: all(subscription.is_reliable for subscription in inputs.values()))
     fake.heightmaps.clear()
     assert fake.until(lambda: bool(fake.heightmaps))
+
+
+def test_memory_is_given_back_now_and_then(fake: FakeCamera, monkeypatch: pytest.MonkeyPatch) -> None:
+    given: list[None] = []
+    monkeypatch.setattr(node, "TRIM_EVERY", 2)
+    monkeypatch.setattr(node, "trim_heap", lambda: given.append(None))
+    fake.publish_tf()
+    assert fake.until(lambda: len(given) == 2)
 
 
 def test_two_cameras_are_joined_and_one_that_falls_silent_is_named(ros: None, box_scene) -> None:
