@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -10,6 +11,9 @@ import numpy.typing as npt
 from cliport_core.workspace import WorkspaceSpec
 from panda_executor.reach_map import POOLED_CELLS, ReachMap, pooled, with_common_shadows
 from panda_model.limits import FloatArray
+
+AnyFloats = npt.NDArray[np.floating[Any]]
+Cells = npt.NDArray[np.int64]
 
 _FINE_STEP = 0.003  # between two sizes of sphere of a fine reach map [m]
 BORDER = 0.1  # the grid reaches this far beyond the workspace: the hand is wider than its tcp [m]
@@ -66,9 +70,8 @@ class ObstacleGrid:
         rows, cols = free.heights.shape
         finite = np.isfinite(cloud[:, 2])
         points = cloud if finite.all() else cloud[finite]
-        row = np.floor((points[:, 1] - free.y_min) / cell).astype(np.int64)
-        col = np.floor((points[:, 0] - free.x_min) / cell).astype(np.int64)
-        inside = np.flatnonzero((row >= 0) & (row < rows) & (col >= 0) & (col < cols))
+        row, col, in_grid = free.cells_at(points[:, 0], points[:, 1])
+        inside = np.flatnonzero(in_grid)
         index, z = row[inside] * cols + col[inside], points[inside, 2]
         seen = np.zeros(rows * cols, dtype=bool)
         seen[index] = True
@@ -79,12 +82,16 @@ class ObstacleGrid:
         shape = rows, cols
         return cls(heights.reshape(shape), free.x_min, free.y_min, cell, seen.reshape(shape), cameras)
 
-    def heights_at(self, x: FloatArray, y: FloatArray) -> FloatArray:
-        """Return the column heights under positions of any shape [m, base frame]; free outside the grid."""
+    def cells_at(self, x: AnyFloats, y: AnyFloats) -> tuple[Cells, Cells, npt.NDArray[np.bool_]]:
+        """Return rows and columns under positions of any shape [m, base frame], and which of them are in the grid."""
         rows, cols = self.heights.shape
         row = np.floor((y - self.y_min) / self.cell).astype(np.int64)
         col = np.floor((x - self.x_min) / self.cell).astype(np.int64)
-        inside = (row >= 0) & (row < rows) & (col >= 0) & (col < cols)
+        return row, col, (row >= 0) & (row < rows) & (col >= 0) & (col < cols)
+
+    def heights_at(self, x: FloatArray, y: FloatArray) -> FloatArray:
+        """Return the column heights under positions of any shape [m, base frame]; free outside the grid."""
+        row, col, inside = self.cells_at(x, y)
         found = self.heights[np.where(inside, row, 0), np.where(inside, col, 0)]
         return np.where(inside, found, EMPTY)
 
@@ -97,8 +104,7 @@ class ObstacleGrid:
         """Return the same grid without the columns that hold any of the points (N, 3)."""
         hit = points[self.hits(points)]
         heights = self.heights.copy()
-        row = np.floor((hit[:, 1] - self.y_min) / self.cell).astype(np.int64)
-        col = np.floor((hit[:, 0] - self.x_min) / self.cell).astype(np.int64)
+        row, col, _ = self.cells_at(hit[:, 0], hit[:, 1])
         heights[row, col] = EMPTY
         return replace(self, heights=heights)
 

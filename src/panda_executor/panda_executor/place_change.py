@@ -19,6 +19,8 @@ from panda_executor.transfer_attempts import PickPlacePlan
 from panda_model.limits import FloatArray
 
 _BELOW_LOAD = 0.02  # what lies so far below what is held is neither hand nor load [m]
+_WAY_S = 0.02  # between two looks at where the hand was on its way [s]
+_BESIDE = 0.02  # so far beside where the hand was it may have been, too, between its points and two looks [m]
 _TOLERANCE = 0.01  # what rose or moved by less stands where it stood [m]
 _SUNK = 0.015  # a cell that is lower by this much does not support any more [m]
 _SQUARE = np.ones((2, 2))  # cells that a thing fills at least
@@ -35,12 +37,19 @@ class LaterView(NamedTuple):
     workspace: WorkspaceSpec
     positions: FloatArray
 
-    def below(self, ahead: Motion, motions: MotionBuilder) -> ObstacleGrid:
-        """Return the columns of what lies lower than the hand and what it holds, before it goes `ahead`."""
-        scene = motions.config.scene
+    def below(self, way: Motion, ahead: Motion, motions: MotionBuilder) -> ObstacleGrid:
+        """Return the columns of what lies lower than the hand and what it holds, before it goes `ahead`.
+
+        Nor do they hold what lies where hand and load were on their `way`: the cloud may have been taken during it.
+        """
+        scene, hand = motions.config.scene, ahead.scene.hand.points
         rotation, translation = motions.model.tcp_arrays(self.positions)
-        limit = float((ahead.scene.hand.points @ rotation[2]).min() + translation[2]) - _BELOW_LOAD
+        limit = float((hand @ rotation[2]).min() + translation[2]) - _BELOW_LOAD
         low = self.cloud[self.cloud[:, 2] < limit]  # NaN compares false
+        grid = ObstacleGrid.empty(self.workspace, scene.grid_cell)
+        row, col, inside = grid.cells_at(low[:, 0], low[:, 1])
+        row, col, low = row[inside], col[inside], low[inside]
+        low = low[low[:, 2] < _underside(grid, way, hand, motions)[row, col] - _BELOW_LOAD]
         return ObstacleGrid.from_cloud(low, self.workspace, scene.table_z + scene.floor, scene.grid_cell)
 
 
@@ -49,7 +58,7 @@ def place_problem(plan: PickPlacePlan, view: LaterView, motions: MotionBuilder) 
 
     Only what lies lower than hand and load counts, and only where it is seen: the hand hides much of the place.
     """
-    seen = view.below(plan.lower, motions)
+    seen = view.below(plan.carry, plan.lower, motions)
     problem = _in_the_way(what_came(plan.go_above.scene.grid, seen), (plan.lower, plan.leave), motions)
     if problem is not None:
         return problem
@@ -65,13 +74,13 @@ def pick_problem(plan: PickPlacePlan, view: LaterView, motions: MotionBuilder) -
     plan: for where the object is now.
     """
     others = view._replace(cloud=view.cloud[~plan.grasp.owns(view.cloud)])
-    seen = others.below(plan.descend, motions)
+    seen = others.below(plan.go_above, plan.descend, motions)
     return _in_the_way(what_came(plan.go_above.scene.grid, seen), (plan.descend, plan.raise_up), motions)
 
 
 def drag_problem(plan: DragPlan, view: LaterView, motions: MotionBuilder) -> str | None:
     """Return what came where the hand goes down, or came and is too tall to be moved, or None; as `place_problem`."""
-    came = what_came(plan.go_above.scene.grid, view.below(plan.descend, motions))
+    came = what_came(plan.go_above.scene.grid, view.below(plan.go_above, plan.descend, motions))
     tall = came.heights > motions.config.scene.table_z + motions.config.drag.low
     along = [motion for motion in (plan.lift, plan.drag, plan.leave) if motion is not None]
     problem = _in_the_way(came, (plan.descend,), motions)
@@ -86,6 +95,19 @@ def what_came(before: ObstacleGrid, now: ObstacleGrid) -> ObstacleGrid:
 def raised(before: ObstacleGrid, now: ObstacleGrid) -> ObstacleGrid:
     """Return the columns `before`, higher where `now` shows that something came."""
     return replace(before, heights=np.maximum(before.heights, what_came(before, now).heights))
+
+
+def _underside(grid: ObstacleGrid, way: Motion, hand: FloatArray, motions: MotionBuilder) -> FloatArray:
+    """Return how low points of the hand (N, 3) [m, tcp] came on a way over each cell (rows, cols) [m]; else inf."""
+    lowest = np.full(grid.heights.shape, np.inf)
+    duration = way.trajectory.duration
+    for positions in way.trajectory.sample(np.linspace(0.0, duration, 1 + int(np.ceil(duration / _WAY_S))))[0]:
+        rotation, translation = motions.model.tcp_arrays(positions)
+        points = hand @ rotation.T + translation
+        row, col, inside = grid.cells_at(points[:, 0], points[:, 1])
+        np.minimum.at(lowest, (row[inside], col[inside]), points[inside, 2])
+    reach = int(np.ceil(_BESIDE / grid.cell))
+    return np.asarray(ndimage.minimum_filter(lowest, size=2 * reach + 1))
 
 
 def _in_the_way(came: ObstacleGrid, ways: Iterable[Motion], motions: MotionBuilder) -> str | None:
@@ -124,10 +146,7 @@ def _sunk_share(plan: PickPlacePlan, now: ObstacleGrid, motions: MotionBuilder) 
         return 0.0
     rotation, translation = motions.model.tcp_arrays(plan.lower.trajectory.positions[-1])
     under = held.cells @ rotation[:2, :2].T + translation[:2]
-    col = np.floor((under[:, 0] - now.x_min) / now.cell).astype(np.int64)
-    row = np.floor((under[:, 1] - now.y_min) / now.cell).astype(np.int64)
-    rows, cols = now.heights.shape
-    inside = (row >= 0) & (row < rows) & (col >= 0) & (col < cols)
+    row, col, inside = now.cells_at(under[:, 0], under[:, 1])
     row, col = np.unique(np.stack([row[inside], col[inside]]), axis=1)
     old, new = before.heights[row, col], np.maximum(now.heights[row, col], motions.config.scene.table_z)
     carrying = (old > plan.placement.support_z - _TOLERANCE) & now.seen[row, col]

@@ -137,6 +137,22 @@ def test_only_what_is_lower_than_the_hand_and_its_load_is_compared(
     np.testing.assert_array_equal(shown[0], cloud[[0, 3]])
 
 
+@pytest.mark.parametrize(("lower", "seen"), [(0.0, False), (0.06, True)])
+def test_the_hand_on_its_way_is_nothing_that_came(
+    planner: TransferPlanner, workspace: WorkspaceSpec, lower: float, seen: bool
+) -> None:
+    """A cloud may be of the middle of a way, where the hand is 4 cm lower; what lies lower still is a thing."""
+    cube = Cube(0.32, -0.4, 0.0)
+    action = PickPlaceAction(PlanarPose(cube.x, cube.y, 0.0), PlanarPose(0.32, 0.4, 0.0))
+    plan = planner.plan(action, seen_cloud(cube_points(cube)), workspace, READY)
+    way, hand = plan.carry.trajectory, plan.lower.scene.hand.points
+    rotation, at = planner.model.tcp_arrays(way.sample(np.array([0.5 * way.duration]))[0][0])
+    bottom = float((hand @ rotation[2]).min() + at[2]) - lower
+    carried = cube_points(Cube(at[0], at[1], z=bottom))
+    found = LaterView(seen_cloud(carried), workspace, way.end).below(plan.carry, plan.lower, planner.motions)
+    assert (found.highest > 0.0) == seen
+
+
 @pytest.mark.parametrize(("x", "problem"), [(0.5, True), (0.3, False)])
 def test_what_came_is_a_problem_where_the_hand_goes(
     plan: PickPlacePlan, planner: TransferPlanner, workspace: WorkspaceSpec, x: float, problem: bool
