@@ -84,7 +84,7 @@ def play_episode(
         if progress.broken:
             break
         over = ends.is_over(status)
-        if progress.instruction != said:
+        if progress.instruction != said and not progress.done:  # what a task says at its end asks for nothing
             said, before = progress.instruction, steps
             sentences.append(said)
             graph.instruct(said)

@@ -60,6 +60,12 @@ def test_each_sentence_is_said_when_the_one_before_is_reached() -> None:
     assert played.steps == 2 and played.ended_well and played.score == 1.0
 
 
+def test_what_a_task_says_at_its_end_is_not_spoken() -> None:
+    graph = Graph([(EXECUTING, "moving", 1, "solved.", 1.0)] * 3 + [(LOOKING, "looking", 1, "solved.", 1.0)])
+    played = graph.play()
+    assert graph.said == ["a", ""] and played.score == 1.0 and played.ended_well
+
+
 def test_an_episode_ends_where_things_flew_apart() -> None:
     graph = Graph([(EXECUTING, "moving", 1, "a", 0.25)] * 2 + [(LOOKING, "looking", 2, "a", 0.25)] * 9, breaks_at=2)
     played = graph.play()
