@@ -12,8 +12,9 @@ from synthetic_clouds import Cube, cube_points, seen_cloud
 from cliport_core.action import PickPlaceAction
 from cliport_core.pose import PlanarPose
 from cliport_core.workspace import WorkspaceSpec
+from panda_executor.motions import Motion
 from panda_executor.obstacle_grid import EMPTY, ObstacleGrid
-from panda_executor.place_change import LaterView, _risen, _sunk_share, place_problem
+from panda_executor.place_change import LaterView, _risen, _sunk_share, pick_problem, place_problem
 from panda_executor.transfer import TransferPlanner
 from panda_executor.transfer_attempts import PickPlacePlan
 from panda_model import load_preset
@@ -151,6 +152,21 @@ def test_the_hand_on_its_way_is_nothing_that_came(
     carried = cube_points(Cube(at[0], at[1], z=bottom))
     found = LaterView(seen_cloud(carried), workspace, way.end).below(plan.carry, plan.lower, planner.motions)
     assert (found.highest > 0.0) == seen
+
+
+def test_what_the_hand_passed_is_that_of_the_way_that_led_there(
+    plan: PickPlacePlan, planner: TransferPlanner, workspace: WorkspaceSpec, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ways: list[Motion] = []
+
+    def note(grid: ObstacleGrid, way: Motion, *_: Any) -> np.ndarray:
+        ways.append(way)
+        return np.full(grid.heights.shape, np.inf)
+
+    monkeypatch.setattr("panda_executor.place_change._underside", note)
+    place_problem(plan, LaterView(BEFORE, workspace, plan.lower.trajectory.start), planner.motions)
+    pick_problem(plan, LaterView(BEFORE, workspace, plan.descend.trajectory.start), planner.motions)
+    assert ways == [plan.carry, plan.go_above]
 
 
 @pytest.mark.parametrize(("x", "problem"), [(0.5, True), (0.3, False)])
