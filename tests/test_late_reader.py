@@ -52,6 +52,7 @@ def test_what_waited_for_a_late_reader_is_given_back() -> None:
             stdin.write("\n")
             stdin.flush()
             behind, after = float(heard()), float(heard())
+            assert reader.wait(20.0) == 0  # killed, it would leave its shared memory
         finally:
             reader.kill()
             node.destroy_node()
