@@ -1,14 +1,14 @@
-"""A reader of large messages that pauses: it says what memory it holds before, then, and after.
+"""`python late_reader.py TOPIC`: a reader of large messages that pauses until there is a line on its input.
 
-`python late_reader.py TOPIC` waits for a line on its input before each step, and answers with its megabytes.
+It says when it is ready, and what memory is its own before, in and after the pause [MB].
 """
 
 from __future__ import annotations
 
 import sys
-from pathlib import Path
 
 import rclpy
+from process_memory import memory_mb
 from rclpy.qos import QoSProfile
 from std_msgs.msg import UInt8MultiArray
 
@@ -30,25 +30,19 @@ def main() -> None:
     say("ready")
     while taken < 2 * QUEUE:
         rclpy.spin_once(node)
-    say(own_mb())
+    say(memory_mb("RssAnon"))
     input()  # behind by as much as the queue holds
-    say(own_mb())
+    say(memory_mb("RssAnon"))
     before = taken
     while taken < before + 2 * QUEUE:
         rclpy.spin_once(node)
     trim_heap()
-    say(own_mb())
+    say(memory_mb("RssAnon"))
     rclpy.shutdown()
 
 
 def say(words: object) -> None:
     print(words, flush=True)
-
-
-def own_mb() -> float:
-    """Return the memory that is this process's own [MB]."""
-    status = Path("/proc/self/status").read_text()
-    return next(int(line.split()[1]) / 1024 for line in status.splitlines() if line.startswith("RssAnon"))
 
 
 if __name__ == "__main__":

@@ -17,6 +17,7 @@ import pytest
 import yaml
 from graph_probe import GraphProbe
 from hardware_times import ROOT
+from process_memory import memory_mb
 from ros_domain import next_domain
 from shared_memory import is_used, shared_files
 
@@ -59,7 +60,7 @@ def test_a_thousand_cycles_leave_the_graph_as_it_was(tmp_path: Path) -> None:
             machine.append(own_seconds())
             assert graph.healthy, graph.log_tail(40)
             for pid in graph.pids():
-                held[name_of(pid)].append(resident_mb(pid))
+                held[name_of(pid)].append(memory_mb("VmRSS", pid))
             if (cycle + 1) % TENTH == 0:
                 memory.append({name: median(values) for name, values in held.items()})
                 held.clear()
@@ -103,12 +104,6 @@ def write(found: dict[str, object], seconds: list[float]) -> None:
     """Write what is known so far: a run takes hours, and may be cut off."""
     OUT.parent.mkdir(exist_ok=True)
     OUT.write_text(json.dumps({**found, "seconds": [round(value, 2) for value in seconds]}, indent=1) + "\n")
-
-
-def resident_mb(pid: int) -> float:
-    """Return the memory that a process holds [MB]."""
-    status = Path(f"/proc/{pid}/status").read_text()
-    return next(int(line.split()[1]) / 1024 for line in status.splitlines() if line.startswith("VmRSS"))
 
 
 def name_of(pid: int) -> str:

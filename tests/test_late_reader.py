@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 import rclpy
+from hardware_times import ROOT
 from late_reader import QUEUE
 from rclpy.qos import QoSProfile
 from ros_domain import next_domain
@@ -59,3 +60,14 @@ def test_what_waited_for_a_late_reader_is_given_back() -> None:
             context.shutdown()
     assert behind >= at_first + HELD_MB, "it was not behind"
     assert after <= at_first + KEPT_MB
+
+
+@pytest.mark.parametrize(("own", "counts"), [("", "1"), ("/own.xml", "")])
+def test_only_our_profile_is_told_to_count(own: str, counts: str) -> None:
+    """Of a user's own profile, written for what ROS 2 sets itself, no more may count than did."""
+    names = ("FASTRTPS_DEFAULT_PROFILES_FILE", "RMW_FASTRTPS_USE_QOS_FROM_XML")
+    environment = {name: value for name, value in os.environ.items() if name not in names} | {names[0]: own}
+    command = ["sh", "-c", f'. ./env.sh && echo "${names[0]} ${names[1]}"']
+    found = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=30).stdout
+    profile, _, told = found.strip("\n").partition(" ")
+    assert told == counts and Path(profile).name == Path(own or "fastdds.xml").name

@@ -33,7 +33,8 @@ class Arm:
 
     def __init__(self, node: Node, group: ReentrantCallbackGroup) -> None:
         self.may_answer, self.accepts, self.heeds_cancel = threading.Event(), True, True
-        self.executing, self.cancelled, self.may_end = threading.Event(), threading.Event(), threading.Event()
+        self.asked, self.executing = threading.Event(), threading.Event()
+        self.cancelled, self.may_end = threading.Event(), threading.Event()
         self.may_answer.set()
         self.goals = 0
         self.server = ActionServer(
@@ -42,6 +43,7 @@ class Arm:
         )  # fmt: skip
 
     def _on_goal(self, _: Any) -> GoalResponse:
+        self.asked.set()
         self.may_answer.wait(GUARD)
         return GoalResponse.ACCEPT if self.accepts else GoalResponse.REJECT
 
@@ -179,6 +181,7 @@ def test_a_stop_before_the_goal_is_taken_is_not_ignored(bench: Bench, monkeypatc
     bench.arm.may_answer.clear()
     stop = threading.Event()
     call = bench.call(stop.is_set)
+    assert bench.arm.asked.wait(GUARD)
     stop.set()
     end = call.result(GUARD / 2)
     assert end.status is MotionStatus.CANCELLED and not end.confirmed
