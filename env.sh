@@ -29,11 +29,8 @@ if [ "${ROS_DISTRO:-}" != jazzy ]; then
     # One machine is the normal case, and nodes find each other sooner. For several: SUBNET.
     export ROS_AUTOMATIC_DISCOVERY_RANGE="${ROS_AUTOMATIC_DISCOVERY_RANGE:-LOCALHOST}"
 fi
-# Images and clouds need more shared memory than Fast DDS takes by itself, and it is to give theirs back.
-if [ -z "${FASTRTPS_DEFAULT_PROFILES_FILE:-}" ]; then
-    export FASTRTPS_DEFAULT_PROFILES_FILE="$_cliport_root/src/cliport_bringup/config/fastdds.xml"
-    export RMW_FASTRTPS_USE_QOS_FROM_XML=1
-fi
+# Images and clouds need more shared memory than Fast DDS takes by itself.
+export FASTRTPS_DEFAULT_PROFILES_FILE="${FASTRTPS_DEFAULT_PROFILES_FILE:-$_cliport_root/src/cliport_bringup/config/fastdds.xml}"
 
 if ! type ros2 >/dev/null 2>&1; then
     export PATH="$_cliport_root/tools/ros2/bin:$PATH"

@@ -1,6 +1,6 @@
 """`python late_reader.py TOPIC`: a reader of large messages that pauses until there is a line on its input.
 
-It says when it is ready, and what memory is its own before, in and after the pause [MB].
+It says when it is ready, and what memory is its own before and after the pause [MB].
 """
 
 from __future__ import annotations
@@ -9,12 +9,12 @@ import sys
 
 import rclpy
 from process_memory import memory_mb
-from rclpy.qos import QoSProfile
 from std_msgs.msg import UInt8MultiArray
 
+from cliport_core.adaptive_subscription import AdaptiveSubscription
 from cliport_core.heap import trim_heap
 
-QUEUE = 5  # messages, as of a picture
+MESSAGES = 10  # that it takes before the pause, and after it
 
 
 def main() -> None:
@@ -26,15 +26,16 @@ def main() -> None:
         nonlocal taken
         taken += 1
 
-    node.create_subscription(UInt8MultiArray, sys.argv[1], take, QoSProfile(depth=QUEUE))
+    reader = AdaptiveSubscription(node, UInt8MultiArray, sys.argv[1], take)
     say("ready")
-    while taken < 2 * QUEUE:
+    while taken < MESSAGES or not reader.is_reliable:
         rclpy.spin_once(node)
+        reader.adapt()
+    trim_heap()
     say(memory_mb("RssAnon"))
     input()  # behind by as much as the queue holds
-    say(memory_mb("RssAnon"))
-    before = taken
-    while taken < before + 2 * QUEUE:
+    taken = 0
+    while taken < MESSAGES:
         rclpy.spin_once(node)
     trim_heap()
     say(memory_mb("RssAnon"))

@@ -124,8 +124,7 @@ def test_a_bag_can_be_read_without_the_workspace(graph, tmp_path):
 
 @pytest.mark.parametrize("options", [["-s", "mcap"], ["-s", "sqlite3"], ["-d", "1"]])
 def test_a_killed_recorder_leaves_what_it_had_flushed(graph, tmp_path, options):
-    without = {"FASTRTPS_DEFAULT_PROFILES_FILE": "", "RMW_FASTRTPS_USE_QOS_FROM_XML": "0"}
-    environment = {**graph.environment, **without}  # it leaves its shared memory: little
+    environment = {**graph.environment, "FASTRTPS_DEFAULT_PROFILES_FILE": ""}  # it leaves its shared memory: little
     recorder = graph.start("record", "-o", tmp_path / "bag", *options, "-e", "/(joint|work)", env=environment)
     publish(graph, 2.6)
     recorder.kill()

@@ -9,7 +9,8 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 
-QUEUE = 5
+# Messages that wait for a reader that is behind. Fast DDS keeps the room of as many, megabytes for each picture.
+QUEUE = 2
 
 
 class AdaptiveSubscription:
