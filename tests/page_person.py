@@ -104,7 +104,11 @@ class Person(BrowserUser):
 
     def is_free(self) -> None:
         """Wait until nothing is under way, whether it was well or badly that the last thing ended."""
-        self.page.locator("#state:is([data-state=ready], [data-state=failed])").wait_for(timeout=120_000)
+        try:
+            self.page.locator("#state:is([data-state=ready], [data-state=failed])").wait_for(timeout=120_000)
+        except PageTimeout as error:
+            said = self.page.locator("#state-words").text_content()
+            raise AssertionError(f"something is under way for two minutes; the page says: {said}") from error
 
     def picture(self) -> NDArray[np.uint8]:
         """Return the picture of the live view, (H, W, 3) RGB; a page that was just loaded has none for a moment."""
@@ -166,6 +170,7 @@ class Person(BrowserUser):
             start, end = (eyes.sweep if primitive == "sweep" else eyes.fold)(picture, attempt)
             if self.draw_and_preview(start, end, picture.shape, margins=(0, 0)) and self.act():
                 return
+        raise Refused(f"no {primitive} in {_ATTEMPTS} attempts; the page says: {self.said()}")
 
     def draw_and_preview(self, start: Blob, end: Blob, shape: tuple[int, ...], margins: tuple[float, float]) -> bool:
         """Draw both boxes, turn the fingers along either side of the thing; whether the arm can do it."""
@@ -309,8 +314,11 @@ class Person(BrowserUser):
             if act():
                 return
             time.sleep(0.3)
-        said = [words for words in self.page.locator("#answer, .end-words").all_text_contents() if words]
-        raise Refused(f"refused {tries} times; the page says: {'; '.join(said)}")
+        raise Refused(f"refused {tries} times; the page says: {self.said()}")
+
+    def said(self) -> str:
+        """What the page says of the last answer and of both ends."""
+        return "; ".join(words for words in self.page.locator("#answer, .end-words").all_text_contents() if words)
 
     def _answered(self, granted: str, timeout: float | None = None) -> bool:
         """Wait for what the page shows when it does what was asked, or for its refusal; whether it was the former."""

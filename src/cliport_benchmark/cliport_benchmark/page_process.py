@@ -8,6 +8,7 @@ import select
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 from cliport_benchmark.errors import BenchmarkError
@@ -31,15 +32,20 @@ class PageProcess:
         if domain_id is not None:
             environment["ROS_DOMAIN_ID"] = str(domain_id)
         command = [sys.executable, "-m", "demo_tool.app", "--port", str(port), "--data-sets", str(data_sets)]
-        self._process = subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True)
+        self._process = subprocess.Popen(command, env=environment, stdout=subprocess.PIPE)
         assert self._process.stdout is not None
-        spoke, _, _ = select.select([self._process.stdout], [], [], _START_TIMEOUT_S)
-        line = self._process.stdout.readline() if spoke else f"it said nothing in {_START_TIMEOUT_S:.0f} s"
-        found = re.search(r"http://\S+:(\d+)", line)
-        if not found:
-            self.end()
-            raise BenchmarkError(f"the page did not start: {line.strip() or 'see above'}")
-        self.address, self.port = found[0], int(found[1])
+        said, found = "", None
+        deadline = time.monotonic() + _START_TIMEOUT_S
+        while found is None:  # Fast DDS may complain first, of a port that another process has taken
+            spoke, _, _ = select.select([self._process.stdout], [], [], max(0.0, deadline - time.monotonic()))
+            more = os.read(self._process.stdout.fileno(), 4096).decode(errors="replace") if spoke else ""
+            if not more:
+                self.end()
+                why = said.strip() or ("see above" if spoke else f"it said nothing in {_START_TIMEOUT_S:.0f} s")
+                raise BenchmarkError(f"the page did not start: {why}")
+            said += more
+            found = re.search(r"(http://\S+:(\d+))/", said)
+        self.address, self.port = found[1], int(found[2])
 
     def __enter__(self) -> PageProcess:
         return self

@@ -253,12 +253,13 @@ def test_a_page_is_started_in_its_domain(given: int | None, seen: str, monkeypat
 
     def start(command: list[str], env: dict[str, str], **_: object) -> SimpleNamespace:
         started.append((command, env))
-        line = "Open http://127.0.0.1:8123/ in a browser; Ctrl+C ends this.\n"
-        return SimpleNamespace(stdout=SimpleNamespace(readline=lambda: line))
+        reading, writing = os.pipe()
+        with os.fdopen(writing, "w") as said:
+            said.write("RTPS_TRANSPORT_SHM Error: a port is taken\nOpen http://127.0.0.1:8123/ in a browser.\n")
+        return SimpleNamespace(stdout=os.fdopen(reading))
 
     monkeypatch.setenv("ROS_DOMAIN_ID", "7")
     monkeypatch.setattr("cliport_benchmark.page_process.subprocess.Popen", start)
-    monkeypatch.setattr("cliport_benchmark.page_process.select.select", lambda *_: ([1], [], []))
     page = PageProcess(Path("sets"), given, 8123)
     ((command, environment),) = started
     assert command[-4:] == ["--port", "8123", "--data-sets", "sets"]
