@@ -50,15 +50,16 @@ class BrowserUser:
         """Clicks, taps and drags so far, also before the page was loaded again."""
         return int(self.page.evaluate("Number(sessionStorage.pointerActions ?? 0)"))
 
-    def sees(self, state: str, timeout: float | None = None) -> None:
-        """Wait until the page says that the arm is in a state; timeout [s]: another than the usual one."""
+    def sees(self, *states: str, timeout: float | None = None) -> None:
+        """Wait until the page says that the arm is in one of the states; timeout [s]: another than the usual one."""
         from playwright.sync_api import TimeoutError  # only who has a browser needs it
 
+        shown = ", ".join(f"#state[data-state={state}]" for state in states)
         try:
-            self.page.locator(f"#state[data-state={state}]").wait_for(timeout=timeout and 1000 * timeout)
+            self.page.locator(shown).wait_for(timeout=timeout and 1000 * timeout)
         except TimeoutError:
             words = self.page.locator("#state-words").text_content()
-            raise AssertionError(f"the page is not {state}; it says: {words}") from None
+            raise AssertionError(f"the page is not {' or '.join(states)}; it says: {words}") from None
 
     def pixel(self, row: float, col: float, shape: tuple[int, ...]) -> Point:
         """Where a pixel of a picture (H, W) is on the screen."""

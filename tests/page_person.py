@@ -76,9 +76,9 @@ class Person(BrowserUser):
         self._effort = Effort(0, 0.0, 0.0)
         self.executes_by_key = False
 
-    def sees(self, state: str, timeout: float | None = 60.0) -> None:
-        """Wait until the page says that the arm is in a state, as long as the simulated arm takes for most things."""
-        super().sees(state, timeout)
+    def sees(self, *states: str, timeout: float | None = 60.0) -> None:
+        """Wait until the page says so, as long as the simulated arm takes for most things."""
+        super().sees(*states, timeout=timeout)
 
     def open_data_set(self, name: str) -> None:
         """Open a data set on a page that has none."""
@@ -104,11 +104,7 @@ class Person(BrowserUser):
 
     def is_free(self) -> None:
         """Wait until nothing is under way, whether it was well or badly that the last thing ended."""
-        try:
-            self.page.locator("#state:is([data-state=ready], [data-state=failed])").wait_for(timeout=120_000)
-        except PageTimeout as error:
-            said = self.page.locator("#state-words").text_content()
-            raise AssertionError(f"something is under way for two minutes; the page says: {said}") from error
+        self.sees("ready", "failed", timeout=120.0)
 
     def picture(self) -> NDArray[np.uint8]:
         """Return the picture of the live view, (H, W, 3) RGB; a page that was just loaded has none for a moment."""

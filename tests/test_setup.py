@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from hardware_times import ROOT
 from setup_shell import on_a_terminal, program, shell
 
 
@@ -119,3 +120,11 @@ def test_a_moved_virtual_environment_is_repaired(tmp_path):
     assert repaired.stdout == f"{there}/.venv\n"
     assert not (there / "build").exists()
     assert str(here) not in (there / ".venv/bin/activate").read_text()
+
+
+@pytest.mark.parametrize(("own", "used"), [("", "src/cliport_bringup/config/fastdds.xml"), ("/own.xml", "/own.xml")])
+def test_a_users_own_profile_of_fast_dds_is_kept(own: str, used: str) -> None:
+    name = "FASTRTPS_DEFAULT_PROFILES_FILE"
+    command = ["sh", "-c", f'. ./env.sh && printf %s "${name}"']
+    found = subprocess.run(command, cwd=ROOT, env={**os.environ, name: own}, capture_output=True, text=True, timeout=60)
+    assert found.stdout == str(ROOT / used) and (ROOT / used).is_file() is not bool(own)

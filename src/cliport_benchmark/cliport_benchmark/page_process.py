@@ -41,7 +41,7 @@ class PageProcess:
             more = os.read(self._process.stdout.fileno(), 4096).decode(errors="replace") if spoke else ""
             if not more:
                 self.end()
-                why = said.strip() or ("see above" if spoke else f"it said nothing in {_START_TIMEOUT_S:.0f} s")
+                why = (said.strip() or "see above") if spoke else f"it gave no address in {_START_TIMEOUT_S:.0f} s"
                 raise BenchmarkError(f"the page did not start: {why}")
             said += more
             found = re.search(r"(http://\S+:(\d+))/", said)

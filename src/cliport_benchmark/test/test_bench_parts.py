@@ -254,8 +254,13 @@ def test_a_page_is_started_in_its_domain(given: int | None, seen: str, monkeypat
     def start(command: list[str], env: dict[str, str], **_: object) -> SimpleNamespace:
         started.append((command, env))
         reading, writing = os.pipe()
-        with os.fdopen(writing, "w") as said:
-            said.write("RTPS_TRANSPORT_SHM Error: a port is taken\nOpen http://127.0.0.1:8123/ in a browser.\n")
+        os.write(writing, b"RTPS_TRANSPORT_SHM Error: a port is taken\nOpen http://127.0.0.1:81")
+
+        def go_on() -> None:
+            with os.fdopen(writing, "w") as said:
+                said.write("23/ in a browser.\n")
+
+        threading.Timer(0.2, go_on).start()
         return SimpleNamespace(stdout=os.fdopen(reading))
 
     monkeypatch.setenv("ROS_DOMAIN_ID", "7")

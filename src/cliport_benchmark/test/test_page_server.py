@@ -197,7 +197,7 @@ def test_a_page_that_has_ended_keeps_its_status_and_one_that_will_not_is_killed(
 
 @pytest.mark.parametrize(
     ("said", "words"),
-    [("port 80 is taken\n", "port 80 is taken"), ("", "see above"), (None, "it said nothing in 0 s")],
+    [("port 80 is taken\n", "port 80 is taken"), ("", "see above"), (None, "it gave no address in 0 s")],
 )
 def test_a_page_that_does_not_start_is_ended(monkeypatch: pytest.MonkeyPatch, said: str | None, words: str) -> None:
     ended: list[PageProcess] = []
