@@ -162,6 +162,13 @@ class FakeArm:
     _cancel: threading.Event = field(default_factory=threading.Event)
     _approved: threading.Event = field(default_factory=threading.Event)
 
+    def begin_anew(self, pace: float) -> None:
+        """Forget what was asked of it, and obey at once."""
+        for asked in (self.goals, self.checks):
+            asked.clear()
+        self.recoveries = self.openings = self.cancelled_checks = self.stops = 0
+        self.pace, self.waiting_plan, self.held, self.recovery_refusal, self.opening_refusal = pace, "", None, "", ""
+
     def fault(self) -> str | None:
         """Return the words that were set."""
         return self.fault_words

@@ -105,9 +105,10 @@ def test_whether_the_arm_can_do_it_is_shown_beside_the_place(person: Person) -> 
     page.locator("#overlay .reach.good").wait_for()
     page.locator("#plan", has_text="Reachable").wait_for()
     assert not person.place.arm.goals, "nothing moves"
+    asked = len(person.place.arm.checks)
     person.page.focus(".end-drawing.place")
     person.press("ArrowRight")
-    until(lambda: len(person.place.arm.checks) == 2, "asked anew")
+    until(lambda: len(person.place.arm.checks) > asked, "asked anew")
     page.locator("#overlay .reach.good").wait_for()
     person.click("#clear")
     page.locator("#overlay .reach").wait_for(state="detached")

@@ -62,9 +62,8 @@ class Workplace:
 
     def begin_anew(self, name: str) -> None:
         """Another data set, an empty draft, an arm that obeys at once."""
-        self.arm.pace, self.arm.stops, self.arm.waiting_plan = 0.03, 0, ""
+        self.arm.begin_anew(pace=0.03)
         self.station.on_joints({})
-        self.arm.goals.clear()
         self.policy.heard.clear()
         self.table.blocks = list(BLOCKS)
         for command, arguments in (
