@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from graph_probe import STILL, GraphProbe
 from hardware_times import with_hardware_times
+from made_anew import MadeAnew
 from ros_domain import next_domain
 
 from cliport_benchmark.graph_process import GraphProcess
@@ -49,10 +50,15 @@ def graph_in(folder: Path, **arguments: str) -> Iterator[Running]:
 
 
 @pytest.fixture(scope="module")
-def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
-    """One graph for the tests of this module, with its client and its log."""
-    with graph_in(tmp_path_factory.mktemp("graph"), real_time_factor=SPEED) as made:
+def graphs(tmp_path_factory: pytest.TempPathFactory) -> Iterator[MadeAnew[Running]]:
+    with MadeAnew(lambda: graph_in(tmp_path_factory.mktemp("graph"), real_time_factor=SPEED)) as made:
         yield made
+
+
+@pytest.fixture
+def running(graphs: MadeAnew[Running], request: pytest.FixtureRequest) -> Running:
+    """One graph for the tests of this module, with its client and its log."""
+    return graphs.of(request)
 
 
 @pytest.fixture

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from browser_user import chromium
 from fake_programs import FakeCalibrations, FakeLessons
+from made_anew import MadeAnew
 from station_fakes import BLOCKS, Block, FakeArm, FakePolicy, FakeScenes, FakeTable
 from web_workplace import Workplace, workplace
 from workplace_user import Person
@@ -157,18 +158,18 @@ def browser() -> Iterator[Browser]:
 
 
 @pytest.fixture(scope="module")
-def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Workplace]:
-    with workplace(tmp_path_factory.mktemp("sets"), pace=0.03) as made:
+def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[MadeAnew[Workplace]]:
+    with MadeAnew(lambda: workplace(tmp_path_factory.mktemp("sets"), pace=0.03)) as made:
         yield made
 
 
 @pytest.fixture
-def place(served: Workplace, request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Workplace:
-    """A workplace with a data set of the test's own, and of this attempt of it."""
+def place(served: MadeAnew[Workplace], request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Workplace:
+    """A workplace with a data set of the test's own."""
     monkeypatch.setattr(arm_holder, "GONE_AFTER_S", 0.0)  # the page of the test before is gone
-    attempt = getattr(request.node, "execution_count", 1)
-    served.begin_anew(re.sub(r"\W", "-", request.node.name) + (f"-{attempt}" if attempt > 1 else ""))
-    return served
+    made = served.of(request)
+    made.begin_anew(re.sub(r"\W", "-", request.node.name))
+    return made
 
 
 @pytest.fixture

@@ -6,12 +6,15 @@ import re
 import threading
 import time
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 import rclpy
 from geometry_msgs.msg import PoseStamped, TransformStamped
+from made_anew import MadeAnew
 from rclpy.action import CancelResponse
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
@@ -150,7 +153,7 @@ class World:
 class Rig:
     """A station on the real node, beside the world."""
 
-    def __init__(self, root) -> None:
+    def __init__(self, root: Path) -> None:
         self.root, self.world = root, World()
         self.link = RosLink()
         config = replace(self.link.config, max_age=PATIENCE, silence=2 * PATIENCE)
@@ -182,12 +185,13 @@ class Rig:
         self.do("place", box=table.box_at(0.5, -0.28), rotation=9)
 
 
-@pytest.fixture(scope="module")
-def rig(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Rig]:
+@contextmanager
+def running(folder: Path) -> Iterator[Rig]:
+    """A rig whose nodes spin; folder: of its data sets."""
     patch = pytest.MonkeyPatch()
     patch.setattr(ros_arm, "_HEARTBEAT_TIMEOUT", PATIENCE)
     rclpy.init(domain_id=next_domain())
-    made = Rig(tmp_path_factory.mktemp("sets"))
+    made = Rig(folder)
     faults: list[BaseException] = []
     spinners = [SpinThread(node, faults.append) for node in (made.world.node, made.link)]
     made.ready()
@@ -205,6 +209,17 @@ def rig(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Rig]:
     rclpy.try_shutdown()
     patch.undo()
     assert not faults
+
+
+@pytest.fixture(scope="module")
+def rigs(tmp_path_factory: pytest.TempPathFactory) -> Iterator[MadeAnew[Rig]]:
+    with MadeAnew(lambda: running(tmp_path_factory.mktemp("sets"))) as made:
+        yield made
+
+
+@pytest.fixture
+def rig(rigs: MadeAnew[Rig], request: pytest.FixtureRequest) -> Rig:
+    return rigs.of(request)
 
 
 def test_a_step_goes_from_the_picture_through_the_executor_into_a_bag(rig: Rig) -> None:
@@ -315,6 +330,7 @@ def test_an_executor_that_dies_on_the_way(rig: Rig) -> None:
 
 
 def test_an_executor_whose_stop_cannot_be_reached_is_not_asked_to_move(rig: Rig) -> None:
+    rig.draw()
     rig.world.do(lambda: rig.world.node.destroy_service(rig.world.triggers["/panda_executor/stop"]))
     rig.until(lambda _: "stop cannot be reached" in (rig.link.arm.fault() or ""))
     with pytest.raises(StationError, match="stop cannot be reached"):

@@ -12,6 +12,7 @@ import anyio
 import cv2
 import numpy as np
 import pytest
+from made_anew import MadeAnew
 from web_workplace import DATA_SET, PATIENCE, Workplace, workplace
 
 from cliport_core.errors import EncodingError
@@ -20,9 +21,14 @@ from demo_tool.web.pictures import Pictures
 
 
 @pytest.fixture(scope="module")
-def place(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Workplace]:
-    with workplace(tmp_path_factory.mktemp("pictures")) as made:
+def places(tmp_path_factory: pytest.TempPathFactory) -> Iterator[MadeAnew[Workplace]]:
+    with MadeAnew(lambda: workplace(tmp_path_factory.mktemp("pictures"))) as made:
         yield made
+
+
+@pytest.fixture
+def place(places: MadeAnew[Workplace], request: pytest.FixtureRequest) -> Workplace:
+    return places.of(request)
 
 
 def get(place: Workplace, path: str) -> tuple[int, http.client.HTTPMessage, bytes]:
