@@ -9,8 +9,9 @@ from websockets.sync.client import ClientConnection, connect
 
 
 def opened(place: Workplace, name: str = "only-page") -> ClientConnection:
-    """Open the connection of a page of that name."""
-    return connect(f"ws://127.0.0.1:{place.port}/session?page={name}", origin=place.url)  # type: ignore[arg-type]
+    """Open the connection of a page of that name; with news that nobody reads it closes after a second."""
+    address = f"ws://127.0.0.1:{place.port}/session?page={name}"
+    return connect(address, origin=place.url, close_timeout=1.0)  # type: ignore[arg-type]
 
 
 def ask(page: ClientConnection, command: str, **arguments: object) -> dict:
