@@ -12,11 +12,6 @@ if TYPE_CHECKING:
 Shared = TypeVar("Shared")
 
 
-def attempt_of(request: pytest.FixtureRequest) -> int:
-    """Return which try of its test this is, from 1."""
-    return int(getattr(request.node, "execution_count", 1))
-
-
 class MadeAnew(Generic[Shared]):
     """Something that is made for the first test that asks for it, and again for each further try of a test."""
 
@@ -32,8 +27,8 @@ class MadeAnew(Generic[Shared]):
         self._made.close()
 
     def of(self, request: pytest.FixtureRequest) -> Shared:
-        """Return what a test's try may use."""
-        if self._shared is None or attempt_of(request) > 1:
+        """Return what a test's try may use; a test asks once in each."""
+        if self._shared is None or getattr(request.node, "execution_count", 1) > 1:
             self._shared = None
             self._made.close()
             self._shared = self._made.enter_context(self._make())
