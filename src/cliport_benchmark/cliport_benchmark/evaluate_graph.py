@@ -83,7 +83,7 @@ def _run(options: argparse.Namespace, journal: Journal, seeds: Sequence[int]) ->
                 print(f"seed {seed}: discarded, {error}", flush=True)
                 continue
             try:
-                episode = _episode(client, seed, sentence, options.real_time_factor, lambda: graph.healthy)
+                episode = _episode(client, seed, sentence, lambda: graph.healthy)
                 if not graph.healthy:
                     raise BenchmarkError("the graph ended before the episode was judged")
             except BenchmarkError as error:
@@ -92,13 +92,11 @@ def _run(options: argparse.Namespace, journal: Journal, seeds: Sequence[int]) ->
             print(f"seed {seed}: score {episode.score:.2f} in {episode.steps} steps: {episode.message}", flush=True)
 
 
-def _episode(
-    client: GraphClient, seed: int, sentence: str, real_time_factor: float, alive: Callable[[], bool]
-) -> GraphEpisode:
+def _episode(client: GraphClient, seed: int, sentence: str, alive: Callable[[], bool]) -> GraphEpisode:
     time.sleep(1.0)  # a camera frame of the new scene
     start = time.monotonic()
-    played = play_episode(client, sentence, client.max_steps, EPISODE_TIMEOUT, alive, JUDGED_AFTER / real_time_factor)
-    judged = client.judged(real_time_factor)
+    played = play_episode(client, sentence, client.max_steps, EPISODE_TIMEOUT, alive, JUDGED_AFTER)
+    judged = client.judged()
     wall = round(time.monotonic() - start, 1)
     return GraphEpisode(
         seed,

@@ -12,6 +12,7 @@ import numpy as np
 import rclpy
 from numpy.typing import NDArray
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy, qos_profile_sensor_data
+from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Image, JointState
 from std_msgs.msg import String
 
@@ -27,6 +28,8 @@ LATCHED = QoSProfile(depth=20, reliability=ReliabilityPolicy.RELIABLE, durabilit
 OVERLAYS = tuple(topics.AFFORDANCES.values())
 MOTION_THRESHOLD = 0.01  # rad/s
 _RESET_TIMEOUT = 40.0  # [s]; longer than the simulator's own, whose answer says more
+_JUDGED_TIMEOUT = 120.0  # [s]; a simulator on a slow machine is slower than real time
+_CLOCK_POLL = 0.02  # [s]
 JUDGED_AFTER = SimConfig().max_settle_s + 0.5  # the simulator has judged an action by then [s of simulated time]
 
 
@@ -54,6 +57,7 @@ class GraphClient:
         self._first_motion: float | None = None
         self._last_motion = time.monotonic()
         self._watch_motion = False
+        self._simulated_s = 0.0
         self.max_steps = 0  # actions that the task of the last reset allows
         self.redraws = 0  # scenes that were drawn in vain before that one
         self.on_status: Callable[[PolicyStatus], None] = lambda _status: None
@@ -63,6 +67,7 @@ class GraphClient:
         self._score = self._node.create_client(GetScore, topics.SIM_SCORE)
         self._node.create_subscription(PolicyStatus, topics.STATUS, self._take_status, LATCHED)
         self._node.create_subscription(JointState, topics.JOINT_STATES, self._take_joints, qos_profile_sensor_data)
+        self._node.create_subscription(Clock, topics.CLOCK, self._take_clock, qos_profile_sensor_data)
         for topic in (topics.COLOR, *OVERLAYS):
             take = partial(self._take_image, topic)
             self._node.create_subscription(Image, topic, take, 2)
@@ -104,13 +109,21 @@ class GraphClient:
         """Return the simulator's own metric of the last action, 0 to 1; see `judged`."""
         return self.judged(timeout=timeout).score
 
-    def judged(self, real_time_factor: float = 1.0, timeout: float = 10.0) -> Progress:
+    def judged(self, timeout: float = 10.0) -> Progress:
         """Wait as long as the simulator lets things come to rest, then return what the last action left.
 
-        real_time_factor: the simulator's.
+        Raises BenchmarkError when the simulator's clock stands, or gives no answer within timeout seconds.
         """
-        time.sleep(JUDGED_AFTER / real_time_factor)
+        judged_at, deadline = self.simulated_time() + JUDGED_AFTER, time.monotonic() + _JUDGED_TIMEOUT
+        while self.simulated_time() < judged_at:
+            if time.monotonic() > deadline:
+                raise BenchmarkError(f"the simulator's clock has not gone on by {JUDGED_AFTER:g} s")
+            time.sleep(_CLOCK_POLL)
         return self.progress(timeout)
+
+    def simulated_time(self) -> float:
+        """Return the simulator's time [s], 0 before it is known."""
+        return self._simulated_s
 
     def progress(self, timeout: float = 10.0) -> Progress:
         """Return what the simulator has judged up to now."""
@@ -212,6 +225,9 @@ class GraphClient:
                 raise BenchmarkError(f"{client.srv_name} did not answer within {timeout:.0f} s")
             time.sleep(0.01)
         return future.result()
+
+    def _take_clock(self, message: Clock) -> None:
+        self._simulated_s = message.clock.sec + 1e-9 * message.clock.nanosec
 
     def _take_status(self, message: PolicyStatus) -> None:
         with self._condition:

@@ -38,6 +38,9 @@ class Graph(Protocol):
     def progress(self) -> Progress:
         """Return what the simulator says now."""
 
+    def simulated_time(self) -> float:
+        """Return the simulator's time [s]."""
+
 
 class Played(NamedTuple):
     """Result of an episode. sentences: what was said, in order. steps: actions that were begun in all."""
@@ -64,14 +67,14 @@ def play_episode(
     It ends when the task is reached, the policy gives up, things fly apart or the steps are spent.
 
     first: the scene's first sentence. timeout: of the whole episode [s]. alive: whether the graph runs. settle: how
-    long after a motion the simulator may need to judge it [s].
+    long after a motion the simulator may need to judge it [s of simulated time].
 
     Raises:
         BenchmarkError: when the graph ended, or somebody stopped the policy.
     """
     said, sentences, before, message = first, [first], 0, ""
     graph.instruct(first)
-    deadline, steps, ended_well, ends = now() + timeout, 0, False, _Ends(settle, now)
+    deadline, steps, ended_well, ends = now() + timeout, 0, False, _Ends(settle, graph.simulated_time)
     while now() < deadline:
         sleep(_POLL_S)
         status, progress = _look(graph, said, alive)

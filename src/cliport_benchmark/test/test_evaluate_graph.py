@@ -45,7 +45,7 @@ class FakeGraph:
             raise failure
         return "put it there"
 
-    def judged(self, real_time_factor: float) -> Progress:
+    def judged(self) -> Progress:
         return Progress(self.resets[-1] / 10, False, "put it there", self.resets[-1] == 2)
 
 
@@ -116,7 +116,7 @@ def test_an_episode_that_was_cut_off_is_no_result(
     setattr(graph, fault, 0)
     graph.healthy = True
     assert evaluate_graph.main(arguments(out, episodes=2, **{"real-time-factor": 2})) == 0
-    assert graph.resets == [1, 2, 2] and graph.settled == [1.25] * 3
+    assert graph.resets == [1, 2, 2] and graph.settled == [2.5] * 3
 
 
 @pytest.mark.parametrize(

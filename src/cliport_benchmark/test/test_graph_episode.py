@@ -40,6 +40,9 @@ class Graph:
     def _now(self) -> tuple[int, str, int, str, float]:
         return self.script[min(max(self.looks, 0), len(self.script) - 1)]
 
+    def simulated_time(self) -> float:
+        return 5.0 * self.looks
+
     def play(self, max_steps: int = 14) -> Played:
         clock = iter(range(1000))
         return play_episode(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -13,6 +14,8 @@ import pytest
 
 pytest.importorskip("cliport_interfaces.msg")
 
+from builtin_interfaces.msg import Time
+from rosgraph_msgs.msg import Clock as ClockMessage
 from sensor_msgs.msg import Image, JointState
 
 from cliport_benchmark import graph_client, graph_process
@@ -32,6 +35,7 @@ class Clock:
 
     def __init__(self) -> None:
         self.now, self.slept = 100.0, list[float]()
+        self.passed: Callable[[float], None] = lambda seconds: None
 
     def monotonic(self) -> float:
         return self.now
@@ -39,6 +43,20 @@ class Clock:
     def sleep(self, seconds: float) -> None:
         self.slept.append(seconds)
         self.now += seconds
+        self.passed(seconds)
+
+
+class Simulator:
+    """The clock of a simulator that runs at a pace of the client's."""
+
+    def __init__(self, client: GraphClient, at: float) -> None:
+        self.client, self.at, self.gone, self.pace = client, at, 0.0, 1.0
+        self.go_on(0.0)
+
+    def go_on(self, seconds: float) -> None:
+        self.gone += self.pace * seconds
+        whole, rest = divmod(self.at + self.gone, 1.0)
+        self.client._take_clock(ClockMessage(clock=Time(sec=int(whole), nanosec=int(1e9 * rest))))
 
 
 class Service:
@@ -103,9 +121,16 @@ def test_the_score_is_asked_for_once_things_lie_still(client: GraphClient, clock
         success=True, score=0.5, done=True, broken=True, instruction="put it there", message="no task"
     )
     client._score = Service(clock, 0.0, answer)  # type: ignore[assignment]
-    assert client.score() == 0.5 and clock.slept == [graph_client.JUDGED_AFTER]
-    assert graph_client.SimConfig().max_settle_s + 0.5 == clock.slept[0]
-    assert client.judged(2.0) == (0.5, True, "put it there", True) and clock.slept[1] == clock.slept[0] / 2
+    simulator = Simulator(client, 7.5)
+    clock.passed = simulator.go_on
+    assert client.score() == 0.5 and simulator.gone == pytest.approx(2.5, abs=0.03)
+    assert pytest.approx(2.5) == graph_client.SimConfig().max_settle_s + 0.5
+    simulator.pace = 0.25
+    assert client.judged() == (0.5, True, "put it there", True) and simulator.gone == pytest.approx(5.0, abs=0.06)
+    assert clock.now == pytest.approx(100.0 + 2.5 + 10.0, abs=0.1), "a slow simulator is waited for"
+    simulator.pace = 0.0
+    with pytest.raises(BenchmarkError, match=r"^the simulator's clock has not gone on by 2\.5 s$"):
+        client.judged()
     answer.success = False
     with pytest.raises(BenchmarkError, match="no task"):
         client.progress()

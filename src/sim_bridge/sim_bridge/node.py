@@ -27,13 +27,15 @@ from sim_bridge.node_mirror import hear
 from sim_bridge.node_parameters import SimParameters, declare_parameters
 from sim_bridge.node_services import SceneServices
 from sim_bridge.node_state import StatePublisher
-from sim_bridge.pacing import RealTimePacer
+from sim_bridge.pacing import PaceWatch, RealTimePacer
 from sim_bridge.rendering.camera import CameraConfig, SimCamera
 from sim_bridge.rendering.mounting import load_camera
 from sim_bridge.robot import ROBOT
 from sim_bridge.scene import reset_scene
 from sim_bridge.sim_loop import SimLoop
 from sim_bridge.world import SimWorld
+
+_PACE_S, _PACE_SAID_S = 10.0, 120.0  # between two looks at the pace, and between two words about it
 
 
 class SimNode(Node):  # type: ignore[misc]
@@ -75,6 +77,8 @@ class SimNode(Node):  # type: ignore[misc]
         if mirror:
             hear(self, parameters.mirror, arm, mirror)
         else:
+            self.loop.hold_while(self._camera.is_behind)
+            self._watch_pace(parameters.real_time_factor)
             self._arm = ArmAction(self, self.loop, parameters.arm_action, faults, log)
             self._gripper = GripperAction(self, self.loop, parameters.gripper_action, faults)
             self._franka_hand = serve_franka_hand(self, self.loop, arm.with_gripper(parameters.gripper_action), faults)
@@ -99,6 +103,15 @@ class SimNode(Node):  # type: ignore[misc]
         )
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(self._watchdog.period, self._check_heartbeat, callback_group=group, clock=steady)
+
+    def _watch_pace(self, factor: float) -> None:
+        watch = PaceWatch(factor)
+
+        def look() -> None:
+            if words := watch.look(self.loop.world.time, time.monotonic()):
+                self.get_logger().info(words, throttle_duration_sec=_PACE_SAID_S)
+
+        self.create_timer(_PACE_S, look, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def _check_heartbeat(self) -> None:
         loop = self.loop

@@ -25,8 +25,8 @@ POLL_PERIOD_S = 0.01  # simulated time
 class CameraPublisher:
     """Colour, aligned depth and camera_info with one stamp, the simulated time of the snapshot.
 
-    On a machine that cannot keep up, frames become fewer, not older: a snapshot is taken only when the last
-    one has been rendered. Nothing is rendered while nobody subscribes.
+    A snapshot is taken only when the last one has been rendered; where that takes longer than from frame to frame,
+    `is_behind` says so, and time has to wait. Nothing is rendered while nobody subscribes.
     """
 
     def __init__(
@@ -49,6 +49,10 @@ class CameraPublisher:
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._run, name="camera", daemon=True)
         loop.every(POLL_PERIOD_S, self._tick)
+
+    def is_behind(self) -> bool:
+        """Return True while a frame is due and the last one is not rendered yet."""
+        return self._loop.world.time >= self._next_time - 1e-9 and not self._idle.is_set()
 
     def start(self) -> None:
         """Begin to render."""

@@ -30,9 +30,10 @@ class SimParameters:
     """Parameters of the node, read at its start. Rates in Hz of simulated time, times in s, widths in m.
 
     `trajectory_log` is the path of a file that gets a JSON line for each accepted trajectory; empty for none.
-    `heartbeat_timeout` is wall time. `render_threads` 0 uses every core. `robot` is a preset of panda_model: its names
-    and limits; an empty `base_frame`, `arm_action` or `gripper_action` is the preset's. `camera_mounting` is the path
-    of a YAML file that says where the camera stands; empty for the shipped one. `camera_kind` is a SensorKind: the
+    `heartbeat_timeout` is wall time. Time waits for a picture that is due: a machine too slow to draw `camera_rate` of
+    them stays below `real_time_factor`. `render_threads` 0 uses every core. `robot` is a preset of panda_model: its
+    names and limits; an empty `base_frame`, `arm_action` or `gripper_action` is the preset's. `camera_mounting` is the
+    path of a YAML file that says where the camera stands; empty for the shipped one. `camera_kind` is a SensorKind: the
     defaults of what `noise.<name>` sets. `publish_camera_pose`: whether /tf_static says where the camera stands; where
     not, somebody else has to, as with a real one. `hand_fault` is a HandFault: what is wrong with the hand. `mirror`: a
     topic of another arm's joint states; then the simulated arm goes where they say, and time is theirs; it takes no

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+_SLOW = 0.8  # share of the pace that was asked for below which it is worth a word
+
 
 class RealTimePacer:
     """Paces steps of `step` s to `factor` times wall time.
@@ -50,3 +52,22 @@ class RealTimePacer:
     def delay(self, now: float) -> float:
         """Return how long [s] from `now` until the next step is due; 0 when one is."""
         return 0.0 if self._next is None else max(self._next + self._wall_step - now, 0.0)
+
+
+class PaceWatch:
+    """Compares how simulated time runs with how it was asked to, `factor` times as fast as wall time."""
+
+    def __init__(self, factor: float) -> None:
+        self._factor = factor
+        self._last: tuple[float, float] | None = None
+
+    def look(self, simulated: float, now: float) -> str | None:
+        """Return what to say where time ran too slowly since the last look; at simulated and wall times [s]."""
+        last, self._last = self._last, (simulated, now)
+        if last is None or now <= last[1]:
+            return None
+        pace = (simulated - last[0]) / (now - last[1])
+        if pace >= _SLOW * self._factor:
+            return None
+        words = f"simulated time runs {pace:.1f} times as fast as real time, not {self._factor:g} times"
+        return f"{words}: this machine is too slow for more; a lower camera_rate needs less of it"

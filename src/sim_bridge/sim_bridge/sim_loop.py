@@ -15,6 +15,7 @@ from sim_bridge.control.joint_trajectory_controller import JointTrajectoryContro
 from sim_bridge.errors import SimulationError
 
 T = TypeVar("T")
+_HELD_S = 0.002  # from one look to the next while time is held [s]
 Execution = TrajectoryExecution | GripperExecution
 
 
@@ -73,12 +74,17 @@ class SimLoop:
         self._on_failure = on_failure
         self._jobs: SimpleQueue[Callable[[], None]] = SimpleQueue()
         self._listeners: list[_Listener] = []
+        self._held_by: Callable[[], bool] = lambda: False
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._run, name="physics", daemon=True)
 
     def every(self, period: float, callback: Callable[[float, Any], None]) -> None:
         """Have `callback(time, arm_state)` called every `period` s of simulated time; before `start` only."""
         self._listeners.append(_Listener(period, callback))
+
+    def hold_while(self, busy: Callable[[], bool]) -> None:
+        """Have simulated time stand still while `busy()`, which is asked before each step; before `start` only."""
+        self._held_by = busy
 
     def start(self) -> None:
         """Begin to step."""
@@ -138,14 +144,23 @@ class SimLoop:
         try:
             while not self._stopping.is_set():
                 self._run_jobs()
-                for _ in range(self._pacer.due(time.monotonic())):
-                    self._tick()
-                time.sleep(min(self._pacer.delay(time.monotonic()), 0.01))
+                if self._make(self._pacer.due(time.monotonic())):
+                    time.sleep(min(self._pacer.delay(time.monotonic()), 0.01))
+                else:
+                    time.sleep(_HELD_S)
         except Exception as error:
             self._on_failure(error)
         finally:
             self._stopping.set()
             self._end()
+
+    def _make(self, steps: int) -> bool:
+        """Make steps; return False if time is held, and what is left of them is dropped."""
+        for _ in range(steps):
+            if self._held_by():
+                return False
+            self._tick()
+        return True
 
     def _run_jobs(self) -> None:
         while True:

@@ -3,7 +3,7 @@
 import pytest
 
 from sim_bridge.control.heartbeat import HeartbeatWatchdog
-from sim_bridge.pacing import RealTimePacer
+from sim_bridge.pacing import PaceWatch, RealTimePacer
 
 STEP = 1.0 / 240.0
 
@@ -35,6 +35,16 @@ def test_a_long_pause_is_dropped():
     steps = run(pacer, 1.0, 0.003) + run(pacer, 1.0, 0.003, start=9.0)
     assert steps == pytest.approx(240 * 2.2, abs=8)
     assert pacer.dropped == pytest.approx(7.8, abs=0.05)
+
+
+def test_a_pace_is_said_where_it_is_much_below_what_was_asked_for():
+    watch = PaceWatch(2.0)
+    assert watch.look(100.0, 50.0) is None, "nothing is known yet"
+    assert watch.look(116.1, 60.0) is None
+    words = "simulated time runs 1.5 times as fast as real time, not 2 times: this machine is too slow"
+    assert watch.look(131.1, 70.0).startswith(words)
+    assert watch.look(131.1, 70.0) is None, "no time has passed"
+    assert watch.look(151.6, 80.0) is None
 
 
 def test_too_slow_a_machine_runs_late_but_never_in_ever_larger_batches():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import threading
+import time
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -90,6 +91,24 @@ def test_a_loop_makes_the_steps_that_are_due_and_tells_the_controllers_of_its_en
     loop.stop()
     loop._thread.join(60.0)
     assert world.told[-2:] == ["the simulation has stopped"] * 2 and world.told.count("step") == 3
+
+
+def test_while_time_is_held_no_step_is_made_and_calls_are_served() -> None:
+    world, held = World(), threading.Event()
+    loop = loop_of(world, SimpleNamespace(due=lambda now: 3, delay=lambda now: 0.0))
+    loop.hold_while(lambda: held.is_set() or world.time >= 0.5)
+    loop.start()
+    while world.time < 0.5:
+        time.sleep(0.002)
+    stood = [loop.call(lambda: world.time) for _ in range(5)]
+    assert stood == [0.5] * 5, "the third of the steps that were due is not made"
+    held.set()
+    world.time = 0.0
+    assert loop.call(lambda: world.told.count("step")) == 2
+    held.clear()
+    while world.time < 0.5:
+        time.sleep(0.002)
+    loop.stop()
 
 
 def test_a_failed_step_ends_the_loop_and_is_told() -> None:
