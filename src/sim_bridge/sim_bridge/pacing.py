@@ -12,7 +12,7 @@ class RealTimePacer:
 
     A process that was held up catches up, but by `max_backlog` s of wall time at most: what is older is
     dropped, so that the simulation runs late for a moment instead of ever faster. At most `max_batch` s of
-    wall time are due at once, so that other work on the thread has its turn.
+    wall and of simulated time are due at once, so that other work on the thread has its turn: goals above all.
     """
 
     def __init__(self, step: float, factor: float = 1.0, max_backlog: float = 0.2, max_batch: float = 0.02) -> None:
@@ -27,7 +27,7 @@ class RealTimePacer:
                 raise ValueError(f"{name} must be positive, got {value}")
         self._wall_step = step / factor
         self._max_backlog = max_backlog
-        self._max_batch = max(max_batch, self._wall_step)
+        self._max_batch = max(max_batch / max(factor, 1.0), self._wall_step)
         self._next: float | None = None
         self._dropped = 0.0
 

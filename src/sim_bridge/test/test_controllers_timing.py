@@ -37,6 +37,12 @@ def test_a_long_pause_is_dropped():
     assert pacer.dropped == pytest.approx(7.8, abs=0.05)
 
 
+@pytest.mark.parametrize(("factor", "most"), [(0.5, 2), (1.0, 4), (20.0, 4)])
+def test_a_batch_is_short_in_wall_and_in_simulated_time(factor, most):
+    pacer = RealTimePacer(STEP, factor, max_batch=0.02)
+    assert pacer.due(0.0) == 0 and [pacer.due(0.15) for _ in range(4)] == [most] * 4
+
+
 def test_a_pace_is_said_where_it_is_much_below_what_was_asked_for():
     watch = PaceWatch(2.0)
     assert watch.look(100.0, 50.0) is None, "nothing is known yet"
