@@ -57,7 +57,7 @@ class GraphClient:
         self._first_motion: float | None = None
         self._last_motion = time.monotonic()
         self._watch_motion = False
-        self._simulated_s = 0.0
+        self._simulated_s: float | None = None
         self.max_steps = 0  # actions that the task of the last reset allows
         self.redraws = 0  # scenes that were drawn in vain before that one
         self.on_status: Callable[[PolicyStatus], None] = lambda _status: None
@@ -122,8 +122,8 @@ class GraphClient:
         return self.progress(timeout)
 
     def simulated_time(self) -> float:
-        """Return the simulator's time [s], 0 before it is known."""
-        return self._simulated_s
+        """Return the graph's time [s]: wall time where nobody publishes a clock, as beside a driven arm."""
+        return time.monotonic() if self._simulated_s is None else self._simulated_s
 
     def progress(self, timeout: float = 10.0) -> Progress:
         """Return what the simulator has judged up to now."""
@@ -213,6 +213,8 @@ class GraphClient:
             missing.append(topics.STATUS)
         if topics.COLOR not in self._latest:
             missing.append(topics.COLOR)
+        if self._simulated_s is None and self._node.count_publishers(topics.CLOCK):
+            missing.append(topics.CLOCK)
         if self._instruction.get_subscription_count() == 0:
             missing.append(f"subscriber of {topics.INSTRUCTION}")
         return missing

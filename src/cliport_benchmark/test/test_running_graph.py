@@ -90,6 +90,7 @@ def client(clock: Clock, monkeypatch: pytest.MonkeyPatch) -> GraphClient:
         create_publisher=lambda *_: SimpleNamespace(publish=lambda _: None, get_subscription_count=lambda: 1),
         create_client=lambda *_: Service(clock, 0.0, None),
         create_subscription=lambda *_: None,
+        count_publishers=lambda topic: 0,
     )
     fakes = {"Context": lambda: SimpleNamespace(init=lambda domain_id: None), "create_node": lambda name, context: node}
     monkeypatch.setattr(graph_client, "rclpy", SimpleNamespace(**fakes))
@@ -139,6 +140,12 @@ def test_the_score_is_asked_for_once_things_lie_still(client: GraphClient, clock
         client.progress()
 
 
+def test_beside_an_arm_without_a_clock_wall_time_counts(client: GraphClient, clock: Clock) -> None:
+    answer = SimpleNamespace(success=True, score=0.5, done=False, broken=False, instruction="")
+    client._score = Service(clock, 0.0, answer)  # type: ignore[assignment]
+    assert client.score() == 0.5 and clock.now == pytest.approx(102.5, abs=0.03)
+
+
 def test_what_is_missing_is_named(client: GraphClient, clock: Clock) -> None:
     words = f"not ready after 3 s: no /sim/score, no /sim/score, no {topics.STATUS}, no {topics.COLOR}$"
     with pytest.raises(BenchmarkError, match=words):
@@ -148,6 +155,11 @@ def test_what_is_missing_is_named(client: GraphClient, clock: Clock) -> None:
     client._reset = client._score = Service(clock, 0.0, 1)  # type: ignore[assignment]
     client._take_status(PolicyStatus())
     client._take_image(topics.COLOR, picture(1))
+    client.wait_ready(3.0)
+    client._node.count_publishers = lambda topic: topic == topics.CLOCK
+    with pytest.raises(BenchmarkError, match=f"no {topics.CLOCK}$"):
+        client.wait_ready(3.0)
+    client._take_clock(ClockMessage())
     client.wait_ready(3.0)
     client._instruction.get_subscription_count = lambda: 0  # type: ignore[method-assign]
     with pytest.raises(BenchmarkError, match=f"no subscriber of {topics.INSTRUCTION}$"):

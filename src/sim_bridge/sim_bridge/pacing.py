@@ -70,4 +70,4 @@ class PaceWatch:
         if pace >= _SLOW * self._factor:
             return None
         words = f"simulated time runs {pace:.1f} times as fast as real time, not {self._factor:g} times"
-        return f"{words}: this machine is too slow for more; a lower camera_rate needs less of it"
+        return f"{words}: this machine is too slow for more; a lower camera_rate asks less of it"

@@ -98,17 +98,23 @@ def test_while_time_is_held_no_step_is_made_and_calls_are_served() -> None:
     loop = loop_of(world, SimpleNamespace(due=lambda now: 3, delay=lambda now: 0.0))
     loop.hold_while(lambda: held.is_set() or world.time >= 0.5)
     loop.start()
-    while world.time < 0.5:
-        time.sleep(0.002)
+    assert reaches(world, 0.5)
     stood = [loop.call(lambda: world.time) for _ in range(5)]
     assert stood == [0.5] * 5, "the third of the steps that were due is not made"
     held.set()
     world.time = 0.0
     assert loop.call(lambda: world.told.count("step")) == 2
     held.clear()
-    while world.time < 0.5:
-        time.sleep(0.002)
+    assert reaches(world, 0.5)
     loop.stop()
+
+
+def reaches(world: World, at: float) -> bool:
+    """Wait until the world's time is at least that [s]; return False if it is not after 30 s."""
+    deadline = time.monotonic() + 30.0
+    while world.time < at and time.monotonic() < deadline:
+        time.sleep(0.002)
+    return world.time >= at
 
 
 def test_a_failed_step_ends_the_loop_and_is_told() -> None:
