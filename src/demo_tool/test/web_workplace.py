@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -62,6 +62,7 @@ class Workplace:
 
     def begin_anew(self, name: str) -> None:
         """Another data set, an empty draft, an arm that obeys at once."""
+        self._wait_until(lambda now: now != "recording")  # the step of the test before is still written
         self.arm.begin_anew(pace=0.03)
         self.station.on_joints({})
         self.policy.heard.clear()
@@ -78,8 +79,11 @@ class Workplace:
 
     def wait_for(self, state: str, timeout: float = PATIENCE) -> None:
         """Wait until the station is in a state."""
+        self._wait_until(lambda now: now == state, timeout)
+
+    def _wait_until(self, holds: Callable[[str], bool], timeout: float = PATIENCE) -> None:
         end = time.monotonic() + timeout
-        while self.station.view(None)["state"] != state:
+        while not holds(self.station.view(None)["state"]):
             assert time.monotonic() < end, self.station.view(None)["words"]
             time.sleep(0.01)
 
