@@ -13,6 +13,7 @@ from action_msgs.msg import GoalStatus
 from rclpy.action import ActionClient, GoalResponse
 from rclpy.context import Context
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from rclpy.task import Future
 from ros_domain import next_domain
 
@@ -129,8 +130,10 @@ def test_a_defect_in_taking_a_goal_rejects_it_and_is_logged(node: Node, capfd: p
     assert "REJECT of a goal for ValueError: a defect" in capfd.readouterr().err
 
 
-def test_ended_goals_are_forgotten_by_and_by(node: Node, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("simulated", [False, True], ids=["wall time", "a simulation that stands still"])
+def test_ended_goals_are_forgotten_by_and_by(node: Node, simulated: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(ros_action_server, "RESULT_KEPT_S", 1)
+    node.set_parameters([Parameter("use_sim_time", value=simulated)])
 
     def run(handle: Any) -> PickPlace.Result:
         handle.succeed()
