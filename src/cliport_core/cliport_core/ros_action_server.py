@@ -71,7 +71,8 @@ class _OnWallTime:
 
     A simulated clock moves in steps. rcl's timer for the next result to be forgotten is due at a step, and the result
     may be forgotten only after it: until the next step the executor asks again and again, 3000 times a second, and
-    hears little else where hundreds of goals are known.
+    hears little else where hundreds of goals are known. Goals are stamped in wall time so: a client that asks to cancel
+    those before a simulated time cancels none; by its id a goal is cancelled, and all goals are, as ever.
     """
 
     def __init__(self, node: Node) -> None:
