@@ -15,6 +15,7 @@ from rclpy.exceptions import InvalidHandle
 from rclpy.node import Node
 
 Decide = Callable[[Any], Any]
+_WALL_CLOCK = Clock(clock_type=ClockType.SYSTEM_TIME)  # never ends: rcl's timer of an action server points into it
 RESULT_KEPT_S = 30  # rclpy's own 900 s are the goals of some 200 scenes, all of them named in each status
 
 
@@ -76,10 +77,10 @@ class _OnWallTime:
     """
 
     def __init__(self, node: Node) -> None:
-        self._node, self._clock = node, Clock(clock_type=ClockType.SYSTEM_TIME)
+        self._node = node
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._node, name)
 
     def get_clock(self) -> Clock:
-        return self._clock
+        return _WALL_CLOCK
