@@ -7,14 +7,16 @@ from xdist.scheduler import LoadScopeScheduling
 
 PROCESSES = {"next_domain", "CHROMIUM", "Workplace"}  # a test's module has one of these where it starts nodes or a page
 GRAPH_TESTS = Path(__file__).with_name("tests")
+MOSTLY_WAIT = f"{GRAPH_TESTS.name}/test_ros2_"  # the tests of `ros2` leave most of a core idle
 
 
 class FilesTogether(LoadScopeScheduling):
-    """Hands out whole files, and those of `tests/` to one process: a graph fills a core."""
+    """Hands out whole files, and to one process those of `tests/` that start graphs: a graph fills a core."""
 
     def _split_scope(self, nodeid: str) -> str:
         path = nodeid.split("::")[0]
-        return GRAPH_TESTS.name if path.startswith(f"{GRAPH_TESTS.name}/") else path
+        starts_graphs = path.startswith(f"{GRAPH_TESTS.name}/") and not path.startswith(MOSTLY_WAIT)
+        return GRAPH_TESTS.name if starts_graphs else path
 
 
 def pytest_xdist_make_scheduler(config: pytest.Config, log: object) -> FilesTogether:
@@ -22,11 +24,29 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: object) -> FilesToge
     return FilesTogether(config, log)
 
 
-def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
-    """Say why a test was tried again, in a line each."""
-    for report in terminalreporter.getreports("rerun"):
-        words = str(getattr(getattr(report.longrepr, "reprcrash", None), "message", report.longrepr))
-        terminalreporter.write_line(f"tried again: {report.nodeid}: {words.partition(chr(10))[0]}")
+class AtOnce:
+    """Says in a line, when it happens, which test failed or is tried again, and why: a run can end without summary."""
+
+    def __init__(self, reporter: pytest.TerminalReporter) -> None:
+        self._reporter = reporter
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        """Called by pytest, in the process that prints, for each phase of each test."""
+        if report.outcome in ("failed", "rerun"):
+            what = "tried again" if report.outcome == "rerun" else "failed"
+            words = str(getattr(getattr(report.longrepr, "reprcrash", None), "message", report.longrepr)).splitlines()
+            self._reporter.ensure_newline()
+            self._reporter.write_line(
+                f"{what} after {report.duration:.0f} s: {report.nodeid}: {words[0] if words else ''}"
+            )
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_configure(config: pytest.Config) -> None:
+    """Watch the reports of all processes, in the one that prints."""
+    reporter = config.pluginmanager.get_plugin("terminalreporter")
+    if reporter and not hasattr(config, "workerinput"):
+        config.pluginmanager.register(AtOnce(reporter))
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -83,6 +83,7 @@ def test_an_added_task_is_generated_learnt_evaluated_and_listed(beside: Path, tm
     assert all(re.fullmatch(SENTENCE, demo.instruction) for demo in (own, *more))
 
 
+@pytest.mark.soak  # a whole graph for what `make demo` shows of another task
 @pytest.mark.timeout(900)
 def test_the_demo_shows_an_added_task(beside: Path, tmp_path: Path) -> None:
     said = run(beside, "cliport_benchmark.demo", "--task", TASK, "--out", str(tmp_path), status=(0, 1))

@@ -67,8 +67,11 @@ def test_a_demonstration_survives_a_killed_server(own_place: teaching.Workplace)
     (episode,) = DataSet.open(folder).episodes()
     assert episode.success and episode.finished and not episode.complaints
     assert DataSet.open(folder).episode(episode.name).final is not None
+    person.page.context.close()
+    assert place.app.end() == 0
 
 
+@pytest.mark.soak  # two minutes, most of them the same clicks and the same graph as above
 @pytest.mark.parametrize("primitive", ["sweep", "fold"])
 def test_sweeps_and_folds_are_taught_too(place: teaching.Workplace, person: teaching.Person, primitive: str) -> None:
     name = unused(place, primitive)
@@ -92,7 +95,3 @@ def test_sweeps_and_folds_are_taught_too(place: teaching.Workplace, person: teac
     if primitive == "sweep":
         assert after > before
         assert record.action.pick.yaw == record.action.place.yaw  # the hand stands across its way
-
-
-def test_the_server_ends_when_it_is_told_to(place: teaching.Workplace) -> None:
-    assert place.app.end() == 0

@@ -208,7 +208,10 @@ def test_an_interrupted_evaluation_continues_where_it_stopped(
     record = tmp_path / "new" / "results.episodes.jsonl"
     journal = Journal(out, config.settings() | source_state().to_dict())
     out.parent.mkdir()
-    episode = Evaluator(config).run(3)
+    evaluator = Evaluator(config)
+    evaluator.hand = KinematicHand(evaluator.world, np.random.default_rng(0))
+    episode = evaluator.run(3)
+    evaluator.world.close()
     assert isinstance(episode, Episode)
     marked = replace(episode, error="kept from before")
     journal.add(marked)

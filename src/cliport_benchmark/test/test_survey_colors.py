@@ -7,6 +7,7 @@ import pytest
 
 from cliport_benchmark.errors import OptionError
 from cliport_benchmark.evaluate import EvaluateConfig, Evaluator
+from cliport_benchmark.kinematic_hand import KinematicHand
 from cliport_benchmark.own_setup import condition_words
 from cliport_benchmark.survey_colors import LEAST_DISTANCE, draw_colors, names_of_survey, paint_of
 from cliport_benchmark.wording import Wording
@@ -38,9 +39,11 @@ def test_any_two_colours_can_be_told_apart(seed: int) -> None:
 
 def test_a_scene_is_painted_and_spoken_of_so_and_lies_where_it_lay() -> None:
     plain = Evaluator(EvaluateConfig("expert", BOWLS, "test", 5, 1))
+    plain.hand = KinematicHand(plain.world, np.random.default_rng(0))
     was = plain.run(5)
     there = [(o.name, o.color, tuple(plain.world.object_xy(o))) for o in plain.world.objects]
     painted = Evaluator(EvaluateConfig("expert", BOWLS, "test", 5, 1, survey_colors=True))
+    painted.hand = KinematicHand(painted.world, np.random.default_rng(0))
     outcome = painted.run(5)
     names = draw_colors(make_task(BOWLS, "test"), 5)
     assert [(o.name, o.color, tuple(painted.world.object_xy(o))) for o in painted.world.objects] == there

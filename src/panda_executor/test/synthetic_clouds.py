@@ -148,10 +148,11 @@ def seen_cloud(*things: npt.NDArray[np.float64], noise: float = 0.001, seed: int
     rays /= distance[:, None]
     # one of these pixels is wider than the points are apart
     pixel = np.floor(np.stack([rays[:, 0] / -rays[:, 2], rays[:, 1] / -rays[:, 2]], -1) / 0.003).astype(np.int64)
-    _, index = np.unique(pixel, axis=0, return_inverse=True)
+    row, column = (pixel - pixel.min(axis=0)).T
+    index = row * (column.max() + 1) + column
     nearest = np.full(index.max() + 1, np.inf)
-    np.minimum.at(nearest, index.ravel(), distance)
-    visible = distance < nearest[index.ravel()] + 0.004
+    np.minimum.at(nearest, index, distance)
+    visible = distance < nearest[index] + 0.004
     random = np.random.default_rng(seed)
     cloud = (cloud + rays * random.normal(0.0, noise, (len(cloud), 1)))[visible]
     holes = np.full((len(cloud) // 20, 3), np.nan)
