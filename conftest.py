@@ -24,7 +24,7 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: object) -> FilesToge
     return FilesTogether(config, log)
 
 
-class AtOnce:
+class FailuresAtOnce:
     """Says in a line, when it happens, which test failed or is tried again, and why: a run can end without summary."""
 
     def __init__(self, reporter: pytest.TerminalReporter) -> None:
@@ -46,7 +46,7 @@ def pytest_configure(config: pytest.Config) -> None:
     """Watch the reports of all processes, in the one that prints."""
     reporter = config.pluginmanager.get_plugin("terminalreporter")
     if reporter and not hasattr(config, "workerinput"):
-        config.pluginmanager.register(AtOnce(reporter))
+        config.pluginmanager.register(FailuresAtOnce(reporter))
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

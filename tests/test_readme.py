@@ -161,6 +161,7 @@ def made(tmp_path: Path) -> Path:
 def test_make_starts_what_readme_says_and_how_long_is_said(typed: str, made: Path, only_parsed: None) -> None:
     starts, takes = MADE[typed]
     assert takes in " ".join(README.split())
+    # without what `make test PYTEST_ARGS=...` hands on to every make below it
     bare = {name: value for name, value in os.environ.items() if name not in ("MAKEFLAGS", "PYTEST_ARGS")}
     subprocess.run(["bash", "-c", typed], cwd=made, env=bare, check=True, capture_output=True, timeout=60)
     log = made / "started"

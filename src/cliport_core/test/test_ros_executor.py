@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import gc
 import threading
 import time
+import weakref
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -163,3 +165,13 @@ def test_ended_goals_are_forgotten_by_and_by(node: Node, simulated: bool, monkey
     client.destroy()
     assert max(known) > 0 and known[-1] == 0, known
     assert [answer.result().status for answer in ended] == [GoalStatus.STATUS_SUCCEEDED] * 3
+
+
+def test_the_clock_of_goals_outlives_their_server(node: Node) -> None:
+    """rcl's timer for the results points into the clock until the server's own end."""
+    server = ThreadedActionServer(node, PickPlace, "/look", lambda _: PickPlace.Result())
+    clock = weakref.ref(server._node.get_clock())
+    server.destroy()
+    del server
+    gc.collect()
+    assert clock() is not None
