@@ -5,6 +5,8 @@ It sees what the table's plane does not: a shift along the table, and a turn abo
 
 from __future__ import annotations
 
+from typing import Any, NamedTuple
+
 import cv2
 import numpy as np
 import numpy.typing as npt
@@ -19,6 +21,7 @@ _PERIOD_NS = 900_000_000  # from one look to the next
 _PATIENCE = 2  # looks in a row at a camera that has moved
 _MARGIN, _TALLEST = 0.06, 0.15  # so far around the workspace, and so high over it, pictures change [m]
 _ALIGNED = 0.98  # least correlation of two pictures that one motion makes the same
+_COARSELY, _COARSELY_ALIGNED = 4, 0.95  # so much smaller pictures say first whether one motion is worth looking for
 _MOST_LEFT = 0.6  # of what differed, at most so much may be left
 _TILE = 10  # edge of the tiles that a camera's motion must explain one by one, as an arm's does not [pixels]
 # Least share of the tiles in which a motion is to be seen that it explains, by its size as a share of the picture's
@@ -34,6 +37,13 @@ _REMEDY = "put it back, or calibrate again and restart perception"
 FloatImage = npt.NDArray[np.float32]
 
 
+class _Motion(NamedTuple):
+    """The correlation of two pictures after an affine motion, and that, (2, 3)."""
+
+    aligned: float
+    warp: npt.NDArray[np.float32]
+
+
 class SurroundingsWatch:
     """Compares the picture around the workspace with views of it from before; camera: at one pose."""
 
@@ -44,6 +54,7 @@ class SurroundingsWatch:
         self._size = (_WIDTH, max(1, round(camera.height * _WIDTH / camera.width)))
         around = ~_over_workspace(camera, camera_in_base, workspace)
         self._mask = cv2.resize(around.astype(np.uint8), self._size, interpolation=cv2.INTER_NEAREST)
+        self._coarse_mask = _coarse(self._mask, cv2.INTER_NEAREST)
         self._max_motion = max_motion
         self._views: list[FloatImage] = []
         self._last: FloatImage | None = None
@@ -92,11 +103,13 @@ class SurroundingsWatch:
         apart = 1.0 - _correlation(before, now, self._mask)
         if apart <= min(2.0 * self._noise, _STILL):
             return 0.0
-        try:
-            start, stop = np.eye(2, 3, dtype=np.float32), (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 30, 1e-4)
-            aligned, warp = cv2.findTransformECC(before, now, start, cv2.MOTION_AFFINE, stop, self._mask, 5)
-        except cv2.error:  # it does not converge
+        coarsely = _best_motion(_coarse(before), _coarse(now), self._coarse_mask, 1)
+        if coarsely is None or coarsely.aligned < _COARSELY_ALIGNED:
             return None
+        best = _best_motion(before, now, self._mask, 5)
+        if best is None:
+            return None
+        aligned, warp = best
         row, col = np.nonzero(self._mask)
         shift = np.stack([col, row, np.ones_like(col)]).T @ warp.T - np.stack([col, row]).T
         motion = float(np.hypot(*shift.T).mean()) / _WIDTH
@@ -140,6 +153,23 @@ def _over_workspace(camera: CameraModel, camera_in_base: Pose, workspace: Worksp
 def _standardized(picture: FloatImage, mask: npt.NDArray[np.uint8]) -> FloatImage:
     around = picture[mask > 0]
     return np.asarray((picture - around.mean()) / max(float(around.std()), 1e-6), dtype=np.float32)
+
+
+def _coarse(image: npt.NDArray[Any], how: int = cv2.INTER_AREA) -> npt.NDArray[Any]:
+    size = (image.shape[1] // _COARSELY, max(1, image.shape[0] // _COARSELY))
+    return np.asarray(cv2.resize(image, size, interpolation=how))
+
+
+def _best_motion(before: FloatImage, now: FloatImage, mask: npt.NDArray[np.uint8], blur: int) -> _Motion | None:
+    """Return the motion that makes pictures most alike where mask is not 0; None if the search does not converge.
+
+    blur: width of the filter that both get before [pixels].
+    """
+    start, stop = np.eye(2, 3, dtype=np.float32), (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 30, 1e-4)
+    try:
+        return _Motion(*cv2.findTransformECC(before, now, start, cv2.MOTION_AFFINE, stop, mask, blur))
+    except cv2.error:
+        return None
 
 
 def _by_tile(difference: FloatImage, shown: npt.NDArray[np.uint8]) -> npt.NDArray[np.float32]:

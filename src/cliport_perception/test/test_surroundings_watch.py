@@ -117,6 +117,23 @@ def test_a_small_bump_is_noticed_though_an_arm_before_the_camera_moves_otherwise
     assert watched.see(slid(seed, 0.5), cover=200 + aside, **dull) is not None
 
 
+def test_what_no_motion_explains_is_not_searched_at_full_size(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An arm on its way, at every look: a search at full size, from each view, would hold up clouds."""
+    widths, search = [], cv2.findTransformECC
+
+    def noted(before: np.ndarray, *more: object) -> object:
+        widths.append(before.shape[1])
+        return search(before, *more)
+
+    watched = Watched()
+    assert watched.see() is None
+    monkeypatch.setattr(cv2, "findTransformECC", noted)
+    for cover in (100, 200, 300):
+        assert watched.see(cover=cover, count=1) is None
+    assert widths and set(widths) == {80}
+    assert watched.see(slid(0)) is not None and 320 in widths
+
+
 def test_plain_surroundings_say_nothing() -> None:
     watched = Watched()
     assert watched.see(plain=True) is None
