@@ -9,7 +9,7 @@ import multiprocessing
 import os
 import signal
 import threading
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from typing import TypeVar
@@ -32,8 +32,9 @@ def run_parallel(
 ) -> Generator[tuple[Item, Result]]:
     """Yield (item, function(item)) as they come; each process calls set_up once first. Both must be picklable.
 
-    Processes are spawned, with one thread each for linear algebra: those that share cores must not each start
-    a thread per core. When the caller closes the generator, is interrupted or told to terminate, they end at once.
+    Processes are copies of one that has imported what they need, with one thread each for linear algebra: those that
+    share cores must not each start a thread per core. When the caller closes the generator, is interrupted or told to
+    terminate, they end at once.
     With a cluster the processes are Ray actors there. An item whose function raises does not end the others: all
     results come first, then the error.
 
@@ -61,9 +62,10 @@ def _run_here(
     failures: list[str],
 ) -> Generator[tuple[Item, Result]]:
     os.environ["OMP_NUM_THREADS"] = "1"
-    context = multiprocessing.get_context("spawn")
+    context = multiprocessing.get_context("forkserver")  # it lives on: more work needs no new one
+    context.set_forkserver_preload([getattr(function, "func", function).__module__])
     before = set(multiprocessing.active_children())
-    pool = ProcessPoolExecutor(processes, mp_context=context, initializer=_begin, initargs=(set_up,))
+    pool = ProcessPoolExecutor(processes, mp_context=context, initializer=_begin, initargs=(set_up, dict(os.environ)))
     with termination_interrupts():
         try:
             futures = {pool.submit(function, item): item for item in items}
@@ -85,8 +87,13 @@ def _run_here(
                 child.join(timeout=5.0)
 
 
-def _begin(set_up: Callable[[], None]) -> None:
-    """Prepare a process: an interrupt is the parent's to handle, and without the parent there is nothing to do."""
+def _begin(set_up: Callable[[], None], environment: Mapping[str, str]) -> None:
+    """Prepare a process: an interrupt is the parent's to handle, and without the parent there is nothing to do.
+
+    environment: the parent's variables as they are now; those of the process it is a copy of are older.
+    """
+    os.environ.clear()
+    os.environ.update(environment)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, daemon=True).start()
     set_up()

@@ -107,9 +107,11 @@ def test_a_killed_parent_leaves_no_process(tmp_path: Path) -> None:
     process = start(tmp_path, 60.0)
     assert process.stdout is not None
     child = int(process.stdout.readline().split()[1])
+    copied = int(Path(f"/proc/{child}/stat").read_text().rsplit(")", 1)[1].split()[1])
+    assert copied != process.pid
     process.send_signal(signal.SIGKILL)
     process.wait()
-    assert_ends(child)
+    assert_ends(child, copied)
 
 
 def assert_ends(*pids: int) -> None:

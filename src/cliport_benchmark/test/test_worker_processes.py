@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 from collections.abc import Iterator
 from pathlib import Path
@@ -75,7 +76,12 @@ def test_a_process_leaves_interrupts_to_its_parent_and_ends_with_it(monkeypatch:
         "Thread",
         lambda **given: threads.append(given) or SimpleNamespace(start=lambda: told.append("watches")),
     )
-    parallel._begin(lambda: told.append("set up"))
+    monkeypatch.setenv("OF_THE_COPIED_PROCESS", "older")
+    now = {**os.environ, "OF_THE_PARENT": "now"}
+    del now["OF_THE_COPIED_PROCESS"]
+    monkeypatch.setattr(parallel.os, "environ", os.environ.copy())
+    parallel._begin(lambda: told.append("set up"), now)
+    assert parallel.os.environ == now
     assert told == [(signal.SIGINT, signal.SIG_IGN), "watches", "set up"]
     assert threads == [{"target": parallel._end_with_parent, "daemon": True}]
     ends: list[Any] = []
