@@ -57,7 +57,7 @@ teach: ready-to-simulate
 	@. ./env.sh && exec ros2 launch cliport_bringup teach.launch.yaml $${TEACH_TASK:+"task:=$$TEACH_TASK"}
 
 test: ready-for-tests
-	@. ./env.sh && exec python -m pytest -n 2 --no-loadscope-reorder $(PYTEST_ARGS)
+	@. ./env.sh && OMP_NUM_THREADS=1 exec python -m pytest -n 3 --no-loadscope-reorder $(PYTEST_ARGS)
 
 soak: ready-for-tests
 	@. ./env.sh && exec python -m pytest -m soak $(PYTEST_ARGS)

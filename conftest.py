@@ -1,22 +1,47 @@
 """How `make test` shares its tests between processes: a file stays in one, and so do all tests that start a graph."""
 
+import re
 from pathlib import Path
 
 import pytest
 from xdist.scheduler import LoadScopeScheduling
+from xdist.workermanage import WorkerController
 
 PROCESSES = {"next_domain", "CHROMIUM", "Workplace"}  # a test's module has one of these where it starts nodes or a page
 GRAPH_TESTS = Path(__file__).with_name("tests")
-MOSTLY_WAIT = f"{GRAPH_TESTS.name}/test_ros2_"  # the tests of `ros2` leave most of a core idle
+# Those of `ros2`, of nodes and of what joins them wait much of the time for middleware.
+MOSTLY_WAIT = re.compile(r"(.*/)?test_(ros2?_\w+|node|conformance)\.py")
 
 
 class FilesTogether(LoadScopeScheduling):
-    """Hands out whole files, and to one process those of `tests/` that start graphs: a graph fills a core."""
+    """Hands out whole files, and to one process those of `tests/` that start graphs: a graph fills a core.
+
+    The last of three or more processes has what mostly waits, and nothing else.
+    """
 
     def _split_scope(self, nodeid: str) -> str:
         path = nodeid.split("::")[0]
-        starts_graphs = path.startswith(f"{GRAPH_TESTS.name}/") and not path.startswith(MOSTLY_WAIT)
+        starts_graphs = path.startswith(f"{GRAPH_TESTS.name}/") and not MOSTLY_WAIT.fullmatch(path)
         return GRAPH_TESTS.name if starts_graphs else path
+
+    def _reschedule(self, node: WorkerController) -> None:
+        """Give a process more work, or end it where there is none for it."""
+        if self._is_for_waits(node) and not any(map(MOSTLY_WAIT.fullmatch, self.workqueue)):
+            if not node.shutting_down:
+                node.shutdown()  # after what it was given
+            return
+        super()._reschedule(node)
+
+    def _assign_work_unit(self, node: WorkerController) -> None:
+        """Give a process the first work that is for it; what mostly waits to the others only when all else is done."""
+        waits = self._is_for_waits(node)
+        fitting = (scope for scope in self.workqueue if bool(MOSTLY_WAIT.fullmatch(scope)) == waits)
+        if (scope := next(fitting, None)) is not None:
+            self.workqueue.move_to_end(scope, last=False)
+        super()._assign_work_unit(node)
+
+    def _is_for_waits(self, node: WorkerController) -> bool:
+        return self.numnodes >= 3 and node.gateway.id == f"gw{self.numnodes - 1}"
 
 
 def pytest_xdist_make_scheduler(config: pytest.Config, log: object) -> FilesTogether:

@@ -62,6 +62,24 @@ def source() -> dict[str, Module]:
     return modules(ROOT)
 
 
+@cache
+def own_imports(name: str) -> set[str]:
+    """Name the modules of this project that one of them imports."""
+    return imports(source()[name], source())
+
+
+@cache
+def stated_imports(name: str) -> set[str]:
+    """Name what a module imports by its full name: packages, but for HIDDEN ones."""
+    stated: list[str] = []
+    for node in ast.walk(source()[name].tree):
+        if isinstance(node, ast.Import):
+            stated += [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom) and not node.level:
+            stated.append(node.module or "")
+    return {HIDDEN.get(each, each.partition(".")[0]) for each in stated}
+
+
 def reached(starts: Iterable[str]) -> set[str]:
     """Name the modules that some import, however late, and the packages that these are in."""
     seen: set[str] = set()
@@ -70,22 +88,14 @@ def reached(starts: Iterable[str]) -> set[str]:
         name = waiting.pop()
         if name in source() and name not in seen:
             seen.add(name)
-            waiting += [name.rpartition(".")[0], *imports(source()[name], source())]
+            waiting += [name.rpartition(".")[0], *own_imports(name)]
     return seen
 
 
 def foreign(names: Iterable[str]) -> dict[str, str]:
     """Name what some modules import that is not this project's, Python's or ROS's, with one that does."""
     own = {name.partition(".")[0] for name in source()} | {"cliport_interfaces"}
-    found = {}
-    for name in names:
-        for node in ast.walk(source()[name].tree):
-            stated: list[str] = []
-            if isinstance(node, ast.Import):
-                stated = [alias.name for alias in node.names]
-            elif isinstance(node, ast.ImportFrom) and not node.level:
-                stated = [node.module or ""]
-            found |= {HIDDEN.get(each, each.partition(".")[0]): name for each in stated}
+    found = {top: name for name in names for top in stated_imports(name)}
     ros = re.compile(r"rclpy|\w+_(msgs|srvs|interfaces)")
     return {top: by for top, by in found.items() if top not in own | sys.stdlib_module_names and not ros.fullmatch(top)}
 

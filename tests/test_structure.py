@@ -1,6 +1,7 @@
 """House rules that a reader relies on: which package may know which, who may know ROS and PyBullet, no circles."""
 
 import ast
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -46,6 +47,7 @@ def _modules() -> list[Path]:
     return sorted(p for package in ALLOWED for p in (SOURCE / package / package).rglob("*.py"))
 
 
+@cache
 def _imports(path: Path) -> set[str]:
     names: set[str] = set()
     for node in ast.walk(ast.parse(path.read_text())):

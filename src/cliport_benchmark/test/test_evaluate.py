@@ -204,12 +204,11 @@ def test_an_interrupted_evaluation_continues_where_it_stopped(
     expert: Evaluator, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "new" / "results.json"
-    config = EvaluateConfig("expert", SEEN, "val", 3, 2)
+    config = EvaluateConfig("expert", SEEN, "val", 3, 2, without_arm=True)
     record = tmp_path / "new" / "results.episodes.jsonl"
     journal = Journal(out, config.settings() | source_state().to_dict())
     out.parent.mkdir()
     evaluator = Evaluator(config)
-    evaluator.hand = KinematicHand(evaluator.world, np.random.default_rng(0))
     episode = evaluator.run(3)
     evaluator.world.close()
     assert isinstance(episode, Episode)
@@ -218,6 +217,7 @@ def test_an_interrupted_evaluation_continues_where_it_stopped(
     with record.open("a") as file:
         file.write('{"episode": {"seed": 4, "sc')  # killed while it wrote
     arguments = ["--checkpoint", "expert", "--task", SEEN, "--split", "val", "--first-seed", "3", "--episodes", "2"]
+    arguments += ["--without-arm"]
     assert evaluate_cli.main([*arguments, "--split", "test", "--out", str(out)]) == 1
     assert "begun with other settings (split val not test)" in capsys.readouterr().err
     assert evaluate_cli.main([*arguments, "--processes", "2", "--out", str(out)]) == 0

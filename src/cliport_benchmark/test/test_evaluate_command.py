@@ -75,7 +75,7 @@ def test_several_tasks_make_a_folder_and_complete_ones_are_kept(
 ) -> None:
     both = f"{SEEN},put-block-in-bowl-unseen-colors"
     arguments = ["--checkpoint", "expert", "--task", both, "--episodes", "1", "--first-seed", "1", "--processes", "1"]
-    arguments += ["--out", str(tmp_path / "all")]
+    arguments += ["--out", str(tmp_path / "all"), "--without-arm"]
     assert evaluate_cli.main(arguments) == 0
     names = [SEEN, "put-blocks-in-bowls-unseen-colors"]
     assert sorted(path.stem for path in (tmp_path / "all").iterdir()) == names

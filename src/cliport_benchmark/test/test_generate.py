@@ -195,6 +195,7 @@ class Measuring:
         return result
 
 
+@pytest.mark.soak  # half a minute on a slow machine
 def test_both_modes_begin_alike_and_place_alike(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     hands: list[Measuring] = []
 

@@ -192,9 +192,11 @@ def test_letters_press_the_buttons_that_name_them(person: Person) -> None:
     person.press("e")  # nothing is drawn: the button takes no click
     person.press("s")
     until(lambda: person.place.station.view(None)["verdict"] is True, "marked")
+    person.page.locator("#undo:not([disabled])").wait_for()
     person.press("u")
     until(lambda: steps(person.place) == [], "undone")
     assert len(person.place.arm.goals) == 1
+    person.page.locator("#ask:not([disabled])").wait_for()
     person.press("a")
     until(lambda: person.place.station.view(None)["policy"]["proposal"], "proposed")
     person.page.locator("#correct:not([disabled])").wait_for()
