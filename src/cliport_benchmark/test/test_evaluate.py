@@ -193,6 +193,7 @@ def test_a_scene_without_room_is_discarded(expert: Evaluator, monkeypatch: pytes
 
     with monkeypatch.context() as patch:
         patch.setattr(expert.world, "settle", explode)  # each time that the scene is drawn
+        patch.setattr(expert.world, "config", replace(expert.world.config, max_layouts=2))
         outcome = expert.run(1)
     assert outcome == Discarded(1, "the red block flew off")
     result = summary(expert.config.settings(), [outcome])
