@@ -16,7 +16,7 @@ MOSTLY_WAIT = re.compile(r"(.*/)?test_(ros2?_\w+|node|conformance)\.py")
 class FilesTogether(LoadScopeScheduling):
     """Hands out whole files, and to one process those of `tests/` that start graphs: a graph fills a core.
 
-    The last of three or more processes has what mostly waits, and nothing else.
+    The last of three or more processes has what mostly waits, and something else only where nothing waits.
     """
 
     def _split_scope(self, nodeid: str) -> str:

@@ -34,9 +34,8 @@ def run_parallel(
 
     Processes are copies of one that has imported what they need, with one thread each for linear algebra: those that
     share cores must not each start a thread per core. When the caller closes the generator, is interrupted or told to
-    terminate, they end at once.
-    With a cluster the processes are Ray actors there. An item whose function raises does not end the others: all
-    results come first, then the error.
+    terminate, they end at once. With a cluster the processes are Ray actors there. An item whose function raises does
+    not end the others: all results come first, then the error.
 
     Raises:
         BenchmarkError: when a process died; after the last result, when the function raised for an item.

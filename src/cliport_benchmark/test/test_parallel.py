@@ -36,6 +36,30 @@ def start(folder: Path, seconds: float) -> subprocess.Popen[str]:
     return subprocess.Popen([sys.executable, str(path), str(seconds)], stdout=subprocess.PIPE, text=True)
 
 
+PREPARED = """
+import os
+with open(os.environ["IMPORTED"], "a") as file:
+    file.write(f"{os.getpid()}\\n")
+
+def work(share, number):
+    return os.getpid()
+"""
+TWICE = """
+import os
+from functools import partial
+import prepared
+from cliport_benchmark.parallel import run_parallel
+
+def nothing():
+    pass
+
+if __name__ == "__main__":
+    for _ in range(2):
+        for _, pid in run_parallel(partial(prepared.work, 1.0), [1, 2, 3], 2, nothing):
+            assert pid != os.getpid()
+"""
+
+
 COMMANDS = """
 import signal, subprocess, sys
 from cliport_benchmark.parallel import run_parallel
@@ -78,6 +102,17 @@ def test_commands_that_the_work_starts_end_with_it(tmp_path: Path, number: signa
     process.send_signal(number)
     process.wait(timeout=120)
     assert_ends(*started)
+
+
+def test_what_the_work_needs_is_imported_once_for_all_processes(tmp_path: Path) -> None:
+    """Once by the program itself, and once by the process of which those of both pieces of work are copies."""
+    (tmp_path / "prepared.py").write_text(PREPARED)
+    (tmp_path / "twice.py").write_text(TWICE)
+    imported = tmp_path / "imported"
+    path = f"{tmp_path}:{os.environ.get('PYTHONPATH', '')}"
+    environment = {**os.environ, "PYTHONPATH": path, "IMPORTED": str(imported)}
+    subprocess.run([sys.executable, str(tmp_path / "twice.py")], env=environment, check=True, timeout=120)
+    assert len(imported.read_text().split()) == 2
 
 
 def test_everything_is_done(tmp_path: Path) -> None:
