@@ -10,7 +10,7 @@ from xdist.workermanage import WorkerController
 PROCESSES = {"next_domain", "CHROMIUM", "Workplace"}  # a test's module has one of these where it starts nodes or a page
 GRAPH_TESTS = Path(__file__).with_name("tests")
 # Those of `ros2`, of nodes and of what joins them wait much of the time for middleware.
-MOSTLY_WAIT = re.compile(r"(.*/)?test_(ros2?_\w+|node|conformance)\.py")
+MOSTLY_WAIT = re.compile(r"(.*/)?test_(ros2?_\w+|\w*nodes?(_process)?|graph_\w+|conformance|killed_recorder)\.py")
 
 
 class FilesTogether(LoadScopeScheduling):
