@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import torch
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import save_file
 from torch import Tensor
@@ -27,6 +28,7 @@ SHIPPED_FOLDER = Path(__file__).parent / "weights"
 DEFAULT_NAME = "multi-open-100"
 CALIBRATED = ("pick", "place")
 _MOST_BIAS = 20.0  # of log odds
+_HALVES = (torch.float16, torch.bfloat16)
 ANCHORS = "instruction_anchors"  # tensor of training sentences, compared with new ones
 
 
@@ -166,6 +168,8 @@ def save_checkpoint(path: Path, tensors: dict[str, Tensor], card: Card) -> None:
 class StoredTensors(Mapping[str, Tensor]):
     """Mapping of a file's tensors, each read on access, so that only one of a large file need be in memory.
 
+    Weights that were stored in half precision come in float32, as networks are built.
+
     The file stays open: all tensors are of the file that was there at first, also when a training replaces it.
     """
 
@@ -182,7 +186,7 @@ class StoredTensors(Mapping[str, Tensor]):
         if name not in self._names:
             raise KeyError(name)
         tensor: Tensor = self._file.get_tensor(name)
-        return tensor
+        return tensor.float() if tensor.dtype in _HALVES else tensor
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._names)

@@ -36,6 +36,16 @@ def test_all_tensors_are_of_the_file_that_was_opened(tmp_path: Path) -> None:
     assert set(stored) == {"a", "b"} and "c" not in stored
 
 
+@pytest.mark.parametrize("dtype", [torch.float16, torch.bfloat16])
+def test_weights_in_half_precision_come_in_float32(tmp_path: Path, dtype: torch.dtype) -> None:
+    """As files that were made smaller; numbers of tokens and the like stay what they are."""
+    path = tmp_path / "policy.safetensors"
+    save_checkpoint(path, {"a": torch.full((9,), 0.5, dtype=dtype), "n": torch.arange(3)}, CARD)
+    stored, _ = load_checkpoint(path)
+    assert torch.equal(stored["a"], torch.full((9,), 0.5)) and stored["a"].dtype == torch.float32
+    assert stored["n"].dtype == torch.int64
+
+
 def test_the_weights_are_replaced_before_the_card(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     replaced, replace = [], os.replace
 
