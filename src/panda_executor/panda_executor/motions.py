@@ -116,6 +116,7 @@ class MotionBuilder:
         Raises:
             TrajectoryError: when the other hand does not pass.
         """
+        self.budget.check()
         forward = motion.trajectory
         back = JointTrajectory(
             forward.joint_names,
@@ -129,6 +130,7 @@ class MotionBuilder:
 
     def among(self, motion: Motion, grid: ObstacleGrid) -> Motion:
         """Return the same motion among other columns. Raises TrajectoryError when it does not pass."""
+        self.budget.check()
         scene = motion.scene.with_grid(grid)
         validate_trajectory(motion.trajectory, self.limits, scene, motion.straightness)
         return replace(motion, scene=scene)

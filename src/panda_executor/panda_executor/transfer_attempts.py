@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -24,6 +25,7 @@ from panda_model.limits import FloatArray
 
 _RELEASE_STEP = 0.005  # between two heights of the release that are tried [m]
 _RELEASE_RAISE = 0.05  # the object may be let go this much higher than wished [m]
+_BACK = b""  # the way that an approach came by
 _NO_APPROACH = "no approach to the object is free"
 _NO_WAY_DOWN = "no way down at the place"
 
@@ -70,7 +72,7 @@ class _Scenes:
 class Attempt:
     """One grasp, held one way round: its release, where hand and object come from, and which ways were looked for.
 
-    ways: of each phase between two configurations, as bytes: the motion, or why there is none.
+    ways: of each phase between two configurations, as bytes, or back up to one: the motion, or why there is none.
     """
 
     grasp: Grasp
@@ -162,8 +164,8 @@ class TransferAttempts:
     def _joined(self, attempt: Attempt, pick: Approach, place: Approach) -> PickPlacePlan:
         """Plan the motions before, between and after both ways down; those that need no search first."""
         scenes, ready = attempt.scenes, self._motions.model.arm.ready
-        raise_up = self._motions.reversed(Phase.RAISE, pick.down, scenes.carried)
-        leave = self._motions.reversed(Phase.RETREAT, place.down, scenes.released)
+        raise_up = self._back(attempt, Phase.RAISE, pick, scenes.carried)
+        leave = self._back(attempt, Phase.RETREAT, place, scenes.released)
         go_above = self._way(attempt, Phase.GO_ABOVE_PICK, self.start, pick.above, scenes.coming)
         carry = self._way(attempt, Phase.CARRY, pick.above, place.above, scenes.carried_wide)
         retreat = self._way(attempt, Phase.RETREAT, place.above, ready, scenes.leaving)
@@ -172,15 +174,24 @@ class TransferAttempts:
         )
 
     def _way(self, attempt: Attempt, phase: Phase, start: FloatArray, goal: FloatArray, scene: Scene) -> Motion:
-        """Return the motion between two configurations (7,) [rad], as it was found when it was asked for first.
+        """Return the motion between two configurations (7,) [rad]. Raises ExecutorError as `_found` does."""
+        ends = start.tobytes(), goal.tobytes()
+        return self._found(attempt, (phase, *ends), lambda: self._motions.travel(phase, start, goal, scene))
+
+    def _back(self, attempt: Attempt, phase: Phase, approach: Approach, scene: Scene) -> Motion:
+        """Return the way up again after an approach, with another hand. Raises ExecutorError as `_found` does."""
+        key = phase, approach.above.tobytes(), _BACK
+        return self._found(attempt, key, lambda: self._motions.reversed(phase, approach.down, scene))
+
+    def _found(self, attempt: Attempt, key: tuple[Phase, bytes, bytes], find: Callable[[], Motion]) -> Motion:
+        """Return what `find` returned when this motion of the attempt was asked for first.
 
         Raises:
             ExecutorError: as it was raised then.
         """
-        key = phase, start.tobytes(), goal.tobytes()
         if key not in attempt.ways:
             try:
-                attempt.ways[key] = self._motions.travel(phase, start, goal, scene)
+                attempt.ways[key] = find()
             except BudgetSpentError:
                 raise
             except ExecutorError as error:

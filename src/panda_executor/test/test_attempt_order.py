@@ -260,7 +260,7 @@ def test_the_hand_leans_where_upright_has_no_branch_or_no_free_one(builder: Buil
 def test_where_a_motion_fails_the_next_branch_is_tried(builder: Builder, phase: Phase) -> None:
     builder.fails[phase] = [TrajectoryError("touches")]
     made = cast(Any, plan(builder))
-    changed = made.lower if phase in (Phase.RAISE, Phase.CARRY, Phase.RETREAT) else made.carry
+    changed = made.lower if phase in (Phase.CARRY, Phase.RETREAT) else made.carry
     assert float(changed.details[0][0]) == 2.0
     builder.fails[phase] = [*(TrajectoryError("first") for _ in range(9))]
     with pytest.raises(PlanningError, match=r"^first$"):
@@ -280,6 +280,11 @@ def test_no_way_is_looked_for_twice(builder: Builder) -> None:
     asked = kinds(builder)
     assert (asked.count(Phase.GO_ABOVE_PICK), asked.count(Phase.CARRY)) == (2, 4)
     assert len(own.begun) == 1 and own.begun[0].grasp is GRASP
+    builder.asked.clear()
+    builder.fails = {Phase.RAISE: [TrajectoryError("touches")] * 2}
+    with pytest.raises(PlanningError, match=r"^touches$"):
+        plan(builder)
+    assert kinds(builder).count(Phase.RAISE) == 2, "with the object in it the hand does not pass, wherever it goes then"
 
 
 def test_what_was_begun_is_tried_from_every_height_the_lowest_pairs_first(

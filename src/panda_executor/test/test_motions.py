@@ -9,7 +9,8 @@ import pytest
 
 from cliport_core.workspace import WorkspaceSpec
 from panda_executor import motions
-from panda_executor.errors import PlanningError, TrajectoryError
+from panda_executor.budget import Budget
+from panda_executor.errors import BudgetSpentError, PlanningError, TrajectoryError
 from panda_executor.ik import hand_down_pose
 from panda_executor.obstacle_grid import ObstacleGrid
 from panda_executor.phase import Phase
@@ -57,6 +58,20 @@ def test_a_way_back_is_checked_with_the_other_hand(
     walled = free_scene.with_grid(ObstacleGrid.from_cloud(wall, workspace, 0.012))
     with pytest.raises(TrajectoryError, match="would touch"):
         planner.motions.reversed(Phase.RAISE, motion, walled)
+
+
+def test_no_motion_is_made_once_planning_is_to_end(planner: TransferPlanner, free_scene: Scene) -> None:
+    """Thousands of pairs of ways down were joined in vain for a quarter of an hour: nothing in there looked."""
+    start, stopped = READY + 0.1, planner.motions_within(Budget(should_stop=lambda: True))
+    motion = planner.motions.travel(Phase.RETREAT, start, READY, free_scene)
+    for make in (
+        lambda: stopped.travel(Phase.RETREAT, start, READY, free_scene),
+        lambda: stopped.straight(Phase.DESCEND, start, hand_down_pose(0.5, 0.1, 0.02, 0.0), free_scene),
+        lambda: stopped.reversed(Phase.RAISE, motion, free_scene),
+        lambda: stopped.among(motion, free_scene.grid),
+    ):
+        with pytest.raises(BudgetSpentError, match="planning was stopped"):
+            make()
 
 
 def test_stops_at_corners_keep_the_configured_period(
