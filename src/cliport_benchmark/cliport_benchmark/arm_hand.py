@@ -15,14 +15,27 @@ from panda_executor.model import PandaModel
 from panda_executor.phase import Phase
 from panda_executor.runner import PickPlaceRunner
 from panda_executor.transfer import TransferPlanner
+from panda_model.limits import FloatArray
 from sim_bridge.rendering.camera import RgbdFrame
 from sim_bridge.robot import HOME_TOLERANCE, ROBOT
 from sim_bridge.sleeping import come_to_rest, sleep_where_still
 from sim_bridge.world import SimWorld
 
 _NO_TIME_LIMIT = 600.0  # [s]
+_PLANNING_TIME = 15.0  # of a request by the clock of poses [s]; nearly all that is planned at all takes 0.3
+_POSE_S = 1e-4  # what a look at a pose of the arm counts [s], about what it takes
 _ANY_HEIGHT = 600.0  # of the table [m]
 _REST = 0.1  # after an action, before the world is judged to be still [s]
+
+
+class _CountingModel(PandaModel):
+    """A model that counts the poses it is asked for: a clock for planning that is as fast on every machine."""
+
+    poses = 0
+
+    def tcp_arrays_now(self) -> tuple[FloatArray, FloatArray]:
+        self.poses += 1
+        return super().tcp_arrays_now()
 
 
 class ArmHand:
@@ -42,8 +55,8 @@ class ArmHand:
         self._world = world
         self._observer = observer
         self._motion = SimMotion(world, on_tick)
-        config, model = replace(_executor_config(), centre_grasp=not exact_offset), PandaModel(ROBOT)
-        planner = TransferPlanner(model, config)
+        config, model = replace(_executor_config(), centre_grasp=not exact_offset), _CountingModel(ROBOT)
+        planner = TransferPlanner(model, config, clock=lambda: model.poses * _POSE_S)
         planner.place_cameras(observer.camera.camera_in_base.translation)
         self._runner = PickPlaceRunner(
             model,
@@ -94,7 +107,7 @@ def _executor_config() -> ExecutorConfig:
     config = ExecutorConfig.for_arm(ROBOT)
     search = replace(config.search, time_limit=_NO_TIME_LIMIT)
     table = replace(config.table, tolerance=_ANY_HEIGHT)
-    return replace(config, search=search, planning_time=_NO_TIME_LIMIT, table=table, after_failure=AfterFailure.STAY)
+    return replace(config, search=search, planning_time=_PLANNING_TIME, table=table, after_failure=AfterFailure.STAY)
 
 
 def _ignore(phase: Phase, progress: float) -> None:

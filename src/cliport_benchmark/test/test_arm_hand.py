@@ -3,7 +3,7 @@
 import math
 from dataclasses import replace
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -38,6 +38,26 @@ def test_after_a_failure_the_executor_knows_that_the_hand_let_go(monkeypatch: py
         somewhere = PlanarPose.identity()
         arm.execute(PickPlaceAction(somewhere, somewhere), observer.frame(world))
         assert not hand.holds(HAND.opening)
+    finally:
+        world.close()
+
+
+def test_planning_ends_by_the_poses_it_looked_at_however_fast_the_machine_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where nothing passes, ten minutes went by for each action."""
+    world = SimWorld()
+    try:
+        task = reset_scene(world, "stack-block-pyramid-seq-seen-colors", "val", 0)
+        action = task.expert_action()
+        assert action is not None
+        monkeypatch.setattr(arm_hand, "_PLANNING_TIME", 0.05)
+        observer = Observer(world.config)
+        arm = ArmHand(world, observer)
+        arm.new_scene(task.primitive)
+        model = cast(Any, arm._runner.planner.model)
+        before = model.poses
+        result = arm.execute(action, observer.frame(world))
+        assert result.outcome is Outcome.PLANNING_FAILED and "took too long (at most 0.05 s)" in result.message
+        assert 500 <= model.poses - before < 1000
     finally:
         world.close()
 

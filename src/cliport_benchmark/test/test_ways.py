@@ -198,5 +198,5 @@ def test_pictures_are_received_40_ms_after_they_were_taken() -> None:
 
 def test_the_executor_is_bounded_by_checks_alone() -> None:
     config = arm_hand._executor_config()
-    assert config.search.time_limit == config.planning_time == 600.0 and config.table.tolerance == 600.0
+    assert config.search.time_limit == config.table.tolerance == 600.0 and config.planning_time == 15.0
     assert config.after_failure is AfterFailure.STAY
