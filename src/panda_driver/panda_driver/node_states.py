@@ -22,6 +22,8 @@ from panda_model import ArmModel
 from sim_bridge.conversions import joint_state_to_msg, time_to_msg
 
 _OLD_S = 0.25  # above this age of the states somebody is told
+_APART_S = 2e-4  # two clocks that were read within this were read at once
+_MOST_READINGS = 10
 _MOST_WAITING = 20  # states; further ones are left out while the publisher is held up
 
 
@@ -77,10 +79,21 @@ class StatePublisher:
             stamp = state.time
             self._clock.publish(ClockMessage(clock=time_to_msg(stamp)))
         else:
-            waited = time.monotonic() - taken_at
-            stamp = self._node.get_clock().now().nanoseconds * 1e-9 - waited - age
+            stamp = self._ros_time_at(taken_at - age)
             self._warn_of(age)
         self._publish(state, stamp)
+
+    def _ros_time_at(self, moment: float) -> float:
+        """Return ROS time [s] at a moment [s, steady clock]. Both are read again where something ran in between."""
+        readings: list[tuple[float, float]] = []
+        for _ in range(_MOST_READINGS):
+            before = time.monotonic()
+            ros_time = self._node.get_clock().now().nanoseconds * 1e-9
+            apart = time.monotonic() - before
+            readings.append((apart, ros_time - before))
+            if apart < _APART_S:
+                break
+        return moment + min(readings)[1]
 
     def _publish(self, state: ArmState, stamp: float) -> None:
         robot, names, rest = self._robot, self._robot.arm_joints, np.zeros(0)

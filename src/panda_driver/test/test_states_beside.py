@@ -22,7 +22,7 @@ class SlowNode:
     """Its publisher holds whoever publishes until it is let go, and fails first if it is told so."""
 
     def __init__(self) -> None:
-        self.free, self.sent, self.fails = threading.Event(), list[Any](), 0
+        self.free, self.sent, self.fails, self.reads = threading.Event(), list[Any](), 0, 0
 
     def create_publisher(self, *given: object) -> SimpleNamespace:
         return SimpleNamespace(publish=self._publish)
@@ -35,7 +35,13 @@ class SlowNode:
         self.sent.append(message)
 
     def get_clock(self) -> SimpleNamespace:
-        return SimpleNamespace(now=lambda: SimpleNamespace(nanoseconds=time.time_ns()))
+        return SimpleNamespace(now=self._now)
+
+    def _now(self) -> SimpleNamespace:
+        self.reads += 1
+        if self.reads % 3 == 1:
+            time.sleep(0.02)  # something else runs
+        return SimpleNamespace(nanoseconds=time.time_ns())
 
     def get_logger(self) -> SimpleNamespace:
         return SimpleNamespace(error=lambda words: None, warning=lambda words: None)
@@ -68,3 +74,17 @@ def test_a_message_that_cannot_be_sent_does_not_end_the_others() -> None:
     give(states, 5)
     states.stop_thread()
     assert 1 <= len(node.sent) <= 4
+
+
+def test_stamps_are_of_the_measurement_whatever_runs_in_between() -> None:
+    """A stamp was later than the next one where the thread was held up between the reading of two clocks."""
+    node = SlowNode()
+    node.free.set()
+    states = StatePublisher(node, ARM, None, 1000.0, own_time=False)  # type: ignore[arg-type]
+    began = time.time()
+    give(states, 12)
+    ended = time.time()
+    states.stop_thread()
+    stamps = [message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec for message in node.sent]
+    assert len(stamps) > 2 and all(np.diff(stamps) > 0.0)
+    assert began - 0.001 < stamps[0] and stamps[-1] < ended + 0.001
