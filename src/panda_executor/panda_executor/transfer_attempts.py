@@ -25,7 +25,6 @@ from panda_model.limits import FloatArray
 
 _RELEASE_STEP = 0.005  # between two heights of the release that are tried [m]
 _RELEASE_RAISE = 0.05  # the object may be let go this much higher than wished [m]
-_BACK = b""  # the way that an approach came by
 _NO_APPROACH = "no approach to the object is free"
 _NO_WAY_DOWN = "no way down at the place"
 
@@ -72,7 +71,7 @@ class _Scenes:
 class Attempt:
     """One grasp, held one way round: its release, where hand and object come from, and which ways were looked for.
 
-    ways: of each phase between two configurations, as bytes, or back up to one: the motion, or why there is none.
+    ways: of each phase between two configurations, as bytes, or back up an approach: the motion, or why there is none.
     """
 
     grasp: Grasp
@@ -80,7 +79,7 @@ class Attempt:
     pick_at: Target
     place_at: Target
     scenes: _Scenes
-    ways: dict[tuple[Phase, bytes, bytes], Motion | ExecutorError] = field(default_factory=dict)
+    ways: dict[tuple[object, ...], Motion | ExecutorError] = field(default_factory=dict)
 
 
 class TransferAttempts:
@@ -175,15 +174,14 @@ class TransferAttempts:
 
     def _way(self, attempt: Attempt, phase: Phase, start: FloatArray, goal: FloatArray, scene: Scene) -> Motion:
         """Return the motion between two configurations (7,) [rad]. Raises ExecutorError as `_found` does."""
-        ends = start.tobytes(), goal.tobytes()
-        return self._found(attempt, (phase, *ends), lambda: self._motions.travel(phase, start, goal, scene))
+        key = phase, start.tobytes(), goal.tobytes()
+        return self._found(attempt, key, lambda: self._motions.travel(phase, start, goal, scene))
 
     def _back(self, attempt: Attempt, phase: Phase, approach: Approach, scene: Scene) -> Motion:
         """Return the way up again after an approach, with another hand. Raises ExecutorError as `_found` does."""
-        key = phase, approach.above.tobytes(), _BACK
-        return self._found(attempt, key, lambda: self._motions.reversed(phase, approach.down, scene))
+        return self._found(attempt, (phase, approach), lambda: self._motions.reversed(phase, approach.down, scene))
 
-    def _found(self, attempt: Attempt, key: tuple[Phase, bytes, bytes], find: Callable[[], Motion]) -> Motion:
+    def _found(self, attempt: Attempt, key: tuple[object, ...], find: Callable[[], Motion]) -> Motion:
         """Return what `find` returned when this motion of the attempt was asked for first.
 
         Raises:

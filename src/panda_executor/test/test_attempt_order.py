@@ -287,6 +287,16 @@ def test_no_way_is_looked_for_twice(builder: Builder) -> None:
     assert kinds(builder).count(Phase.RAISE) == 2, "with the object in it the hand does not pass, wherever it goes then"
 
 
+def test_each_approach_has_a_way_back_of_its_own_that_begins_where_it_ends(builder: Builder) -> None:
+    own = attempts(builder)
+    own.plan(GRASP, 0.0, REST, LEFT)
+    (begun,) = own.begun
+    both = [Approach(START, cast(Any, name)) for name in ("one way down", "another from there")]
+    backs = [cast(Any, own._back(begun, Phase.RAISE, one, begun.scenes.carried)) for one in both * 2]
+    assert [back.details[0] for back in backs[:2]] == [one.down for one in both]
+    assert backs[2:] == backs[:2], "no way back is looked for twice"
+
+
 def test_what_was_begun_is_tried_from_every_height_the_lowest_pairs_first(
     builder: Builder, monkeypatch: pytest.MonkeyPatch
 ) -> None:
