@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Protocol, TypeAlias
+from typing import TYPE_CHECKING, Protocol, TypeAlias
 
 import numpy as np
 
 from cliport_benchmark.errors import OptionError
 from cliport_core import Heightmap, PickPlaceAction
 from cliport_policy.errors import PolicyError
-from cliport_policy.policy import Policy, load_policy
 from sim_bridge.task_mechanics.blind import BlindChooser
 from sim_bridge.tasks import Task
 from sim_bridge.world import SimWorld
+
+if TYPE_CHECKING:
+    from cliport_policy.policy import Policy
 
 EXPERT = "expert"
 BLIND = "blind"
@@ -83,6 +85,8 @@ def load_agent(checkpoint: str) -> Agent:
         return ExpertAgent()
     if checkpoint == BLIND:
         return BlindAgent()
+    from cliport_policy.policy import load_policy  # takes seconds, and the agents without weights do without
+
     try:
         return PolicyAgent(load_policy(checkpoint))
     except PolicyError as error:

@@ -85,7 +85,8 @@ def _write_random_clip(path: Path) -> None:
 
 def _write_random_cliport(path: Path) -> None:
     from cliport_core.workspace import WorkspaceSpec
-    from cliport_policy.checkpoint import ANCHORS, Card, save_checkpoint
+    from cliport_policy.card import Card
+    from cliport_policy.checkpoint import ANCHORS, save_checkpoint
     from cliport_policy.language import ENCODER_NAME, shared_encoder
     from cliport_policy.named_configs import load_network_config
     from cliport_policy.networks.factory import build_network

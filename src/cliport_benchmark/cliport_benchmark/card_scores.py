@@ -12,8 +12,9 @@ from cliport_benchmark.errors import BenchmarkError, OptionError
 from cliport_benchmark.json_files import read_json
 from cliport_benchmark.own_setup import condition_words
 from cliport_core.command_line import CommandParser
-from cliport_policy.checkpoint import load_card, resolve_checkpoint, weights_sha256, write_json
+from cliport_policy.card import load_card, resolve_checkpoint, weights_sha256
 from cliport_policy.errors import PolicyError
+from cliport_policy.whole_files import write_json
 
 _COUNTS = ("n_episodes", "discarded", "redrawn", "broken")
 _KEPT = ("mean_score", "chance", *_COUNTS, "first_seed", "object_set", "offset", "choices", "command")

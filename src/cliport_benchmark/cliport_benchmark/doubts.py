@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from cliport_core.source_state import CHANGED, UNKNOWN
-from cliport_policy.checkpoint import load_card, resolve_checkpoint, weights_sha256
+from cliport_policy.card import load_card, resolve_checkpoint, weights_sha256
 from cliport_policy.errors import CheckpointError
 
 

@@ -180,7 +180,8 @@ def evaluate(
         BenchmarkError: when the checkpoint cannot be used, a process died, or a scene failed; the others are done.
     """
     missing = [seed for seed in config.seeds if seed not in journal.outcomes]
-    with closing(run_parallel(_run, missing, processes, partial(_set_up, config), cluster)) as results:
+    needed = () if config.checkpoint in BUILT_IN else ("cliport_policy.policy",)
+    with closing(run_parallel(_run, missing, processes, partial(_set_up, config), cluster, needed)) as results:
         for _, outcome in results:
             if isinstance(outcome, str):
                 raise BenchmarkError(outcome)

@@ -17,7 +17,7 @@ from cliport_benchmark.own_setup import OwnSetup
 from cliport_benchmark.policy_facts import check_needs_no_goal_image, method_facts
 from cliport_benchmark.variation import Variation
 from cliport_benchmark.with_parent import command_with_parent
-from cliport_policy.checkpoint import load_card
+from cliport_policy.card import load_card
 from cliport_policy.data.dataset_format import META_NAME
 from cliport_policy.named_configs import load_network_config
 from cliport_policy.training.options import parse_options

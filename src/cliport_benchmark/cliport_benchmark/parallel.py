@@ -29,13 +29,14 @@ def run_parallel(
     processes: int,
     set_up: Callable[[], None],
     cluster: RayCluster | None = None,
+    preload: Sequence[str] = (),
 ) -> Generator[tuple[Item, Result]]:
     """Yield (item, function(item)) as they come; each process calls set_up once first. Both must be picklable.
 
-    Processes are copies of one that has imported what they need, with one thread each for linear algebra: those that
-    share cores must not each start a thread per core. When the caller closes the generator, is interrupted or told to
-    terminate, they end at once. With a cluster the processes are Ray actors there. An item whose function raises does
-    not end the others: all results come first, then the error.
+    Processes are copies of one that has imported the function's module and those of `preload`, with one thread each for
+    linear algebra: those that share cores must not each start a thread per core. When the caller closes the generator,
+    is interrupted or told to terminate, they end at once. With a cluster the processes are Ray actors there. An item
+    whose function raises does not end the others: all results come first, then the error.
 
     Raises:
         BenchmarkError: when a process died; after the last result, when the function raised for an item.
@@ -47,7 +48,7 @@ def run_parallel(
     if cluster is not None:
         yield from cluster.run(function, items, processes, set_up, failures)
     else:
-        yield from _run_here(function, items, processes, set_up, failures)
+        yield from _run_here(function, items, processes, set_up, failures, preload)
     if failures:
         more = f"; and {len(failures) - _SHOWN} more" if len(failures) > _SHOWN else ""
         raise BenchmarkError("; ".join(failures[:_SHOWN]) + more)
@@ -59,10 +60,11 @@ def _run_here(
     processes: int,
     set_up: Callable[[], None],
     failures: list[str],
+    preload: Sequence[str],
 ) -> Generator[tuple[Item, Result]]:
     os.environ["OMP_NUM_THREADS"] = "1"
     context = multiprocessing.get_context("forkserver")  # it lives on: more work needs no new one
-    context.set_forkserver_preload([getattr(function, "func", function).__module__])
+    context.set_forkserver_preload([getattr(function, "func", function).__module__, *preload])
     before = set(multiprocessing.active_children())
     pool = ProcessPoolExecutor(processes, mp_context=context, initializer=_begin, initargs=(set_up, dict(os.environ)))
     with termination_interrupts():

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from cliport_benchmark.errors import OptionError
-from cliport_policy.checkpoint import Card, load_card, resolve_checkpoint, weights_sha256
+from cliport_policy.card import Card, load_card, resolve_checkpoint, weights_sha256
 from cliport_policy.method_name import card_method, config_name, met_surveyed_colors, replaced_encoders
 from cliport_policy.named_configs import AnyNetworkConfig
 from cliport_policy.stream_config import StreamsConfig

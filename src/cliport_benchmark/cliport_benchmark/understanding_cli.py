@@ -25,10 +25,10 @@ from cliport_benchmark.understanding import Asked, Examined, Examiner, Question,
 from cliport_benchmark.wording import held_out_patterns
 from cliport_core.command_line import CommandParser
 from cliport_core.source_state import source_state
-from cliport_policy.checkpoint import load_card, resolve_checkpoint
-from cliport_policy.checkpoint import write_json as write_card
+from cliport_policy.card import load_card, resolve_checkpoint
 from cliport_policy.errors import PolicyError
 from cliport_policy.policy import load_policy
+from cliport_policy.whole_files import write_json as write_card
 from sim_bridge.errors import SimBridgeError
 from sim_bridge.tasks import Task, make_task
 

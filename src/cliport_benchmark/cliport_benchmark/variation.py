@@ -13,7 +13,7 @@ from cliport_benchmark.errors import OptionError
 from cliport_core import Pose
 from sim_bridge.clutter import ClutterConfig, add_clutter
 from sim_bridge.rendering.appearance import Appearance, AppearanceRanges, random_light, random_table
-from sim_bridge.rendering.camera import mounting_error
+from sim_bridge.rendering.mounting import mounting_error
 from sim_bridge.scene import Stream, scene_rng
 from sim_bridge.tasks import Task
 from sim_bridge.world import SimWorld

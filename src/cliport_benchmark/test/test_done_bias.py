@@ -11,7 +11,8 @@ import pytest
 from cliport_benchmark import understanding_cli
 from cliport_benchmark.done_bias import fitted_done_bias
 from cliport_benchmark.understanding import Asked, Question
-from cliport_policy.checkpoint import load_checkpoint, resolve_checkpoint
+from cliport_policy.card import resolve_checkpoint
+from cliport_policy.checkpoint import load_checkpoint
 
 
 def answers(primitive: str, left: list[float], reached: list[float]) -> list[Question]:

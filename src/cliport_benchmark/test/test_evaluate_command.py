@@ -11,7 +11,7 @@ from cliport_benchmark.errors import BenchmarkError, DataFolderError, OptionErro
 from cliport_benchmark.evaluate import EvaluateConfig, evaluate
 from cliport_benchmark.journal import Discarded, Journal
 from cliport_benchmark.summary import summary
-from cliport_policy.checkpoint import load_card, resolve_checkpoint
+from cliport_policy.card import load_card, resolve_checkpoint
 from cliport_policy.named_configs import load_network_config
 
 SEEN = "put-blocks-in-bowls-seen-colors"

@@ -12,7 +12,7 @@ from cliport_benchmark import card_scores
 from cliport_benchmark.doubts import card_doubts
 from cliport_benchmark.paper_scores import paper_methods, paper_row, paper_scores
 from cliport_benchmark.results import main
-from cliport_policy.checkpoint import load_card, resolve_checkpoint
+from cliport_policy.card import load_card, resolve_checkpoint
 from sim_bridge.tasks import DEMO_TASKS, LANGUAGE_SPLITS
 
 COMMIT = "0123456789abcdef"

@@ -18,11 +18,13 @@ from torch import Tensor
 
 from cliport_core.command_line import CommandParser
 from cliport_policy.calibration import Calibration, JudgedAnswer, TemperatureFit
-from cliport_policy.checkpoint import load_checkpoint, resolve_checkpoint, write_json
+from cliport_policy.card import resolve_checkpoint
+from cliport_policy.checkpoint import load_checkpoint
 from cliport_policy.data.demonstrations import DemonstrationSet, load_demonstrations
 from cliport_policy.errors import ConfigError, DataError, InstructionError, PolicyError
 from cliport_policy.peaks import CellGrid, Peak
 from cliport_policy.policy import Policy, load_policy
+from cliport_policy.whole_files import write_json
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -20,12 +20,12 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from cliport_core.command_line import CommandParser
-from cliport_policy.checkpoint import whole_file
 from cliport_policy.data.color_names import names_told
 from cliport_policy.errors import CheckpointError, ConfigError, PolicyError
 from cliport_policy.language import TextEncoder, shared_encoder
 from cliport_policy.networks.joint.color_words import ColorHead, scaled_lab
 from cliport_policy.settings import check_choice
+from cliport_policy.whole_files import whole_file
 
 ARMS = ("strict", "open")
 FOLDER = Path(__file__).parent / "color_heads"

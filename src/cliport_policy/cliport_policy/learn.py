@@ -25,7 +25,7 @@ from cliport_episodes.bag_metadata import FILE as METADATA
 from cliport_episodes.episode_folder import step_paths
 from cliport_episodes.errors import EpisodesError
 from cliport_policy import train
-from cliport_policy.checkpoint import load_card, write_json
+from cliport_policy.card import load_card
 from cliport_policy.comparison import NEAR_MM, summarize
 from cliport_policy.config import RECIPES
 from cliport_policy.data.demonstrations import load_demonstrations
@@ -36,6 +36,7 @@ from cliport_policy.offline import OfflineRun
 from cliport_policy.policy import load_policy
 from cliport_policy.training.initial import load_initial
 from cliport_policy.training.pace import MOST_STEPS, length_words, measured_pace, steps_within
+from cliport_policy.whole_files import write_json
 
 REPORT_NAME = "learned.json"
 FROM_NOTHING, AUTO = "none", "auto"  # in place of a checkpoint to begin with

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from cliport_policy.checkpoint import Card
+from cliport_policy.card import Card
 from cliport_policy.joint_config import JointConfig
 from cliport_policy.named_configs import AnyNetworkConfig, config_names, load_network_config
 from cliport_policy.stream_config import StreamsConfig

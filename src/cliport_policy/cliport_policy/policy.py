@@ -18,7 +18,8 @@ from cliport_core.heightmap import Heightmap
 from cliport_core.instruction import normalized_instruction
 from cliport_core.pose import PlanarPose
 from cliport_core.workspace import WorkspaceSpec
-from cliport_policy.checkpoint import ANCHORS, Card, load_checkpoint, resolve_checkpoint
+from cliport_policy.card import Card, resolve_checkpoint
+from cliport_policy.checkpoint import ANCHORS, load_checkpoint
 from cliport_policy.errors import CheckpointError, InstructionError, ObservationError
 from cliport_policy.fits import seen_fits, with_fits
 from cliport_policy.inference import AffordanceMaps, Explanation, Inference

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from cliport_core.command_line import CommandParser
 from cliport_policy.calibration import expected_calibration_error
-from cliport_policy.checkpoint import resolve_checkpoint, write_json
+from cliport_policy.card import resolve_checkpoint
 from cliport_policy.data.absences import Absences
 from cliport_policy.data.demonstrations import Demonstration, DemonstrationSet, Index, load_demonstrations
 from cliport_policy.data.mixture import Drawn, Mixture, Source
@@ -27,6 +27,7 @@ from cliport_policy.inference import Inference
 from cliport_policy.peaks import CellGrid
 from cliport_policy.policy import Policy, load_policy
 from cliport_policy.reliability_plot import plot_reliability
+from cliport_policy.whole_files import write_json
 
 PICTURES = (".png", ".pdf", ".svg")
 THRESHOLDS = (0.1, 0.3, 0.5, 0.7, 0.9)

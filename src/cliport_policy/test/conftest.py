@@ -25,7 +25,8 @@ from cliport_episodes.observation_messages import messages_from_observation
 from cliport_episodes.raw import RawMessage
 from cliport_episodes.writer import EpisodeWriter
 from cliport_perception.camera_model import CameraModel
-from cliport_policy.checkpoint import ANCHORS, Card, save_checkpoint
+from cliport_policy.card import Card
+from cliport_policy.checkpoint import ANCHORS, save_checkpoint
 from cliport_policy.encoders.clip_modules import ClipResNet, ClipText
 from cliport_policy.language import ENCODER_NAME, shared_encoder
 from cliport_policy.named_configs import load_network_config

@@ -9,12 +9,8 @@ import pytest
 import torch
 
 from cliport_core.workspace import WorkspaceSpec
-from cliport_policy.checkpoint import (
-    Card,
-    load_card,
-    load_checkpoint,
-    save_checkpoint,
-)
+from cliport_policy.card import Card, load_card
+from cliport_policy.checkpoint import load_checkpoint, save_checkpoint
 from cliport_policy.config import NetworkConfig
 from cliport_policy.errors import CheckpointError
 

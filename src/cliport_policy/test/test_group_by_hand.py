@@ -10,7 +10,8 @@ import torch
 from torch import Tensor, nn
 
 from cliport_core.workspace import WorkspaceSpec
-from cliport_policy.checkpoint import ANCHORS, Card
+from cliport_policy.card import Card
+from cliport_policy.checkpoint import ANCHORS
 from cliport_policy.config import NetworkConfig
 from cliport_policy.encoders.bert_modules import BertShape, untrained_bert
 from cliport_policy.errors import CheckpointError, ConfigError, DataError, TrainingError

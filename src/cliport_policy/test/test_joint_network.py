@@ -11,7 +11,8 @@ from joint_networks import small_joint_network
 from cliport_core.action import PickPlaceAction, Primitive
 from cliport_core.heightmap import Heightmap
 from cliport_core.workspace import WorkspaceSpec
-from cliport_policy.checkpoint import ANCHORS, Card, save_checkpoint
+from cliport_policy.card import Card
+from cliport_policy.checkpoint import ANCHORS, save_checkpoint
 from cliport_policy.errors import ConfigError
 from cliport_policy.joint_config import JointConfig
 from cliport_policy.language import ENCODER_NAME, shared_encoder

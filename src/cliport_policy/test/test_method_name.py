@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from cliport_core.workspace import WorkspaceSpec
-from cliport_policy.checkpoint import Card, load_card, resolve_checkpoint
+from cliport_policy.card import Card, load_card, resolve_checkpoint
 from cliport_policy.method_name import card_method, config_name, met_surveyed_colors, method_name, replaced_encoders
 from cliport_policy.named_configs import AnyNetworkConfig, load_network_config
 from cliport_policy.stream_config import StreamsConfig

@@ -6,7 +6,8 @@ from pathlib import Path
 import pytest
 
 import cliport_policy
-from cliport_policy.checkpoint import ANCHORS, load_checkpoint, resolve_checkpoint, shipped_names
+from cliport_policy.card import resolve_checkpoint, shipped_names
+from cliport_policy.checkpoint import ANCHORS, load_checkpoint
 from cliport_policy.networks.compact.network import CompactNetwork
 from cliport_policy.networks.factory import restore_network
 from cliport_policy.networks.joint.network import JointNetwork

@@ -12,7 +12,8 @@ from torch import Tensor, nn
 from cliport_core.heightmap import Heightmap
 from cliport_core.workspace import WorkspaceSpec
 from cliport_policy import load_policy
-from cliport_policy.checkpoint import ANCHORS, Card, save_checkpoint
+from cliport_policy.card import Card
+from cliport_policy.checkpoint import ANCHORS, save_checkpoint
 from cliport_policy.config import TrainConfig
 from cliport_policy.data.batches import Batch
 from cliport_policy.encoders.frozen import EncoderShape

@@ -13,7 +13,7 @@ from cliport_core.action import PickPlaceAction, Primitive
 from cliport_core.pose import PlanarPose
 from cliport_core.workspace import WorkspaceSpec
 from cliport_policy.calibration import TEMPERATURES, expected_calibration_error
-from cliport_policy.checkpoint import Card
+from cliport_policy.card import Card
 from cliport_policy.comparison import Comparison, Errors, Span, _rounded, action_errors, summarize
 from cliport_policy.config import NetworkConfig
 from cliport_policy.data.demonstrations import Demonstration

@@ -12,7 +12,7 @@ from torch import Tensor
 from cliport_core.action import Primitive
 from cliport_core.heightmap import Heightmap
 from cliport_core.workspace import WorkspaceSpec
-from cliport_policy.checkpoint import Card
+from cliport_policy.card import Card
 from cliport_policy.config import NetworkConfig
 from cliport_policy.errors import ConfigError, InstructionError, ObservationError
 from cliport_policy.networks.policy_network import Goal, PolicyNetwork

@@ -18,9 +18,9 @@ from sim_bridge.geometry.mesh import TriangleMesh
 from sim_bridge.rendering import backdrop_view
 from sim_bridge.rendering.appearance import Appearance, random_appearance, random_light, random_table
 from sim_bridge.rendering.backdrop import TABLE_TRIANGLES, backdrop_mesh
-from sim_bridge.rendering.camera import default_intrinsics, mounting_error
+from sim_bridge.rendering.camera import default_intrinsics
 from sim_bridge.rendering.image_window import ImageWindow
-from sim_bridge.rendering.mounting import load_mounting
+from sim_bridge.rendering.mounting import load_mounting, mounting_error
 from sim_bridge.rendering.panda_meshes import panda_meshes
 from sim_bridge.rendering.rays import Rays
 from sim_bridge.rendering.renderer import Renderer

@@ -11,9 +11,9 @@ from sim_bridge.colors import COLORS
 from sim_bridge.errors import SimulationError
 from sim_bridge.objects import block_shape, bowl_shape
 from sim_bridge.rendering.appearance import Appearance, AppearanceRanges, random_appearance
-from sim_bridge.rendering.camera import CameraConfig, SimCamera, mounting_error
+from sim_bridge.rendering.camera import CameraConfig, SimCamera
 from sim_bridge.rendering.image_window import ImageWindow
-from sim_bridge.rendering.mounting import load_mounting
+from sim_bridge.rendering.mounting import load_mounting, mounting_error
 from sim_bridge.rendering.renderer import Renderer
 from sim_bridge.rendering.sensor_noise import NoiseConfig
 from sim_bridge.world import SimWorld

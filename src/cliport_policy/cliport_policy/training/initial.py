@@ -11,7 +11,8 @@ from torch import Tensor
 
 from cliport_core.action import Primitive
 from cliport_core.workspace import WorkspaceSpec
-from cliport_policy.checkpoint import ANCHORS, Card, load_checkpoint, resolve_checkpoint, weights_sha256
+from cliport_policy.card import Card, resolve_checkpoint, weights_sha256
+from cliport_policy.checkpoint import ANCHORS, load_checkpoint
 from cliport_policy.data.demonstrations import DemonstrationSet
 from cliport_policy.data.primitives import check_primitive, primitive_taught
 from cliport_policy.errors import CheckpointError, ConfigError, DataError

@@ -11,8 +11,8 @@ import torch
 from safetensors.torch import load_file, save_file
 from torch import Tensor, nn
 
-from cliport_policy.checkpoint import whole_file, write_json
 from cliport_policy.errors import DataError
+from cliport_policy.whole_files import whole_file, write_json
 
 _NAME = "training_state.safetensors"
 _CONFIG_NAME = "training_config.json"

@@ -16,7 +16,8 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from cliport_policy.checkpoint import ANCHORS, Card, save_checkpoint
+from cliport_policy.card import Card
+from cliport_policy.checkpoint import ANCHORS, save_checkpoint
 from cliport_policy.config import TrainConfig
 from cliport_policy.data.batches import Phrasebook
 from cliport_policy.data.loader import WORKERS, Loader, StepBatches, lost_workers_told

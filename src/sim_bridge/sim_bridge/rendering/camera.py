@@ -123,14 +123,3 @@ def _scene_fingerprint(
     poses += [world.panda.link_pose(index) for index in world.panda.link_indices.values()]
     where = np.concatenate([np.append(pose.rotation.ravel(), pose.translation) for pose in poses])
     return (tuple(world.objects), appearance), where
-
-
-def mounting_error(
-    camera_in_base: Pose, rng: np.random.Generator, shift_sigma: float = 0.0015, turn_sigma: float = 0.0015
-) -> Pose:
-    """Draw the camera's true pose when calibration is off by a little: sigmas in m and rad per axis."""
-    error = Pose.from_xyz_rpy((0.0, 0.0, 0.0), rng.normal(0.0, turn_sigma, 3))
-    return Pose(
-        error.rotation @ camera_in_base.rotation,
-        camera_in_base.translation + rng.normal(0.0, shift_sigma, 3),
-    )

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+
 from cliport_core import Pose
 from cliport_perception.camera_file import CameraCalibration, CameraFileError, read_camera
 from sim_bridge.errors import SimBridgeError
@@ -33,3 +35,14 @@ def load_camera(path: str | Path = "") -> CameraCalibration:
         return read_camera(Path(path), shipped.intrinsics) if path else shipped
     except CameraFileError as error:
         raise MountingError(str(error)) from None
+
+
+def mounting_error(
+    camera_in_base: Pose, rng: np.random.Generator, shift_sigma: float = 0.0015, turn_sigma: float = 0.0015
+) -> Pose:
+    """Draw the camera's true pose when calibration is off by a little: sigmas in m and rad per axis."""
+    error = Pose.from_xyz_rpy((0.0, 0.0, 0.0), rng.normal(0.0, turn_sigma, 3))
+    return Pose(
+        error.rotation @ camera_in_base.rotation,
+        camera_in_base.translation + rng.normal(0.0, shift_sigma, 3),
+    )
