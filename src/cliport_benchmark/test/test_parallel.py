@@ -58,6 +58,22 @@ if __name__ == "__main__":
         for _, pid in run_parallel(partial(prepared.work, 1.0), [1, 2, 3], 2, nothing):
             assert pid != os.getpid()
 """
+LATER = """
+import os
+from cliport_benchmark.parallel import run_parallel
+
+def nothing():
+    pass
+
+def work(number):
+    import prepared
+    return prepared.work(1.0, number)
+
+if __name__ == "__main__":
+    workers = {pid for _, pid in run_parallel(work, [1, 2, 3], 2, nothing, preload=("prepared",))}
+    with open(os.environ["IMPORTED"]) as file:
+        assert workers and not workers & {int(line) for line in file}
+"""
 
 
 COMMANDS = """
@@ -104,15 +120,16 @@ def test_commands_that_the_work_starts_end_with_it(tmp_path: Path, number: signa
     assert_ends(*started)
 
 
-def test_what_the_work_needs_is_imported_once_for_all_processes(tmp_path: Path) -> None:
-    """Once by the program itself, and once by the process of which those of both pieces of work are copies."""
+@pytest.mark.parametrize(("program", "imports"), [(TWICE, 2), (LATER, 1)])
+def test_what_the_work_needs_is_imported_once_for_all_processes(tmp_path: Path, program: str, imports: int) -> None:
+    """Once by the program itself, where it needs it, and once by the process of which those of all work are copies."""
     (tmp_path / "prepared.py").write_text(PREPARED)
-    (tmp_path / "twice.py").write_text(TWICE)
+    (tmp_path / "program.py").write_text(program)
     imported = tmp_path / "imported"
     path = f"{tmp_path}:{os.environ.get('PYTHONPATH', '')}"
     environment = {**os.environ, "PYTHONPATH": path, "IMPORTED": str(imported)}
-    subprocess.run([sys.executable, str(tmp_path / "twice.py")], env=environment, check=True, timeout=120)
-    assert len(imported.read_text().split()) == 2
+    subprocess.run([sys.executable, str(tmp_path / "program.py")], env=environment, check=True, timeout=120)
+    assert len(imported.read_text().split()) == imports
 
 
 def test_everything_is_done(tmp_path: Path) -> None:

@@ -56,6 +56,22 @@ def test_a_process_that_evaluates_has_one_thread_each(monkeypatch: pytest.Monkey
     assert evaluate._run(7) == f"{checkpoint} 7" and evaluate._run(13) == "seed 13: it flew apart"
 
 
+@pytest.mark.parametrize(("checkpoint", "needed"), [("expert", ()), ("default", ("cliport_policy.policy",))])
+def test_processes_that_ask_a_policy_share_its_import(
+    monkeypatch: pytest.MonkeyPatch, checkpoint: str, needed: tuple[str, ...]
+) -> None:
+    given: list[Any] = []
+
+    def run_parallel(*arguments: Any) -> Iterator[tuple[int, str]]:
+        given.extend(arguments)
+        yield from ()
+
+    monkeypatch.setattr(evaluate, "run_parallel", run_parallel)
+    config = SimpleNamespace(checkpoint=checkpoint, seeds=[])
+    assert evaluate.evaluate(config, 2, SimpleNamespace(outcomes={}), given.append) == []  # type: ignore[arg-type]
+    assert given[-1] == needed
+
+
 def test_a_process_without_an_evaluator_says_why_for_each_scene(monkeypatch: pytest.MonkeyPatch) -> None:
     class Fails:
         def __init__(self, config: Any) -> None:
