@@ -11,7 +11,10 @@ import pytest
 from house import Module, imports, modules
 
 ROOT = Path(__file__).resolve().parents[1]
-COMMANDS = ("record_cli", "generate_cli", "evaluate_cli", "evaluate_graph", "gallery_cli", "results", "card_scores")
+COMMANDS = (
+    *("record_cli", "generate_cli", "evaluate_cli", "evaluate_graph", "gallery_cli"),
+    *("results", "card_scores", "worst_cli", "experiment_cli", "understanding_cli"),
+)
 
 
 @pytest.mark.parametrize("command", COMMANDS)

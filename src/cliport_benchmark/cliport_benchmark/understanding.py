@@ -11,7 +11,7 @@ from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from enum import Enum
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -25,12 +25,14 @@ from cliport_core import Heightmap
 from cliport_policy.data.named_things import named_things
 from cliport_policy.errors import InstructionError
 from cliport_policy.inference import NullAction
-from cliport_policy.policy import Policy
 from cliport_policy.server.types import ServerConfig
 from sim_bridge.errors import LayoutError, PhysicsError
 from sim_bridge.scene import Stream, reset_scene, scene_rng
 from sim_bridge.tasks import LANGUAGE_SPLITS, Task, make_task
 from sim_bridge.world import SimWorld
+
+if TYPE_CHECKING:
+    from cliport_policy.policy import Policy
 
 _OWN_SHARE = 0.75  # of sentences about what is absent, these are of the scene's own task
 _TRIES = 40  # sentences looked at for one that names something absent

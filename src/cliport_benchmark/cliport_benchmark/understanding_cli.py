@@ -27,7 +27,6 @@ from cliport_core.command_line import CommandParser
 from cliport_core.source_state import source_state
 from cliport_policy.card import load_card, resolve_checkpoint
 from cliport_policy.errors import PolicyError
-from cliport_policy.policy import load_policy
 from cliport_policy.whole_files import write_json as write_card
 from sim_bridge.errors import SimBridgeError
 from sim_bridge.tasks import Task, make_task
@@ -124,7 +123,7 @@ def _examine(options: argparse.Namespace, tasks: Sequence[str]) -> list[Examined
     scenes = [(task, options.first_seed + i, i) for task in tasks for i in range(options.episodes)]
     set_up = partial(_set_up, options.checkpoint, options.split, options.survey_colors)
     found: dict[Scene, Examined] = {}
-    with closing(run_parallel(_ask, scenes, options.processes, set_up)) as results:
+    with closing(run_parallel(_ask, scenes, options.processes, set_up, preload=("cliport_policy.policy",))) as results:
         for scene, answers in results:
             if isinstance(answers, str):
                 raise BenchmarkError(answers)
@@ -144,6 +143,8 @@ _examiner: Examiner | str | None = None  # of this worker process; a string says
 def _set_up(checkpoint: str, split: str, survey_colors: bool) -> None:
     global _examiner
     import torch
+
+    from cliport_policy.policy import load_policy
 
     cv2.setNumThreads(1)
     torch.set_num_threads(1)

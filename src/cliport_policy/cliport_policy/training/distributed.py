@@ -17,8 +17,6 @@ from torch import distributed as dist
 
 from cliport_policy.errors import TrainingError
 
-DEVICES = ("auto", "cpu", "cuda")
-
 
 @dataclass(frozen=True)
 class Group:

@@ -7,7 +7,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import yaml
 
@@ -20,10 +20,12 @@ from cliport_policy.errors import ConfigError
 from cliport_policy.joint_config import REREAD, JointConfig
 from cliport_policy.named_configs import AnyNetworkConfig, config_names, load_network_config
 from cliport_policy.settings import check_keys
-from cliport_policy.training.distributed import DEVICES
-from cliport_policy.training.initial import Initial, load_initial
+
+if TYPE_CHECKING:
+    from cliport_policy.training.initial import Initial
 
 DEFAULT_CONFIG = "compact"
+_DEVICES = ("auto", "cpu", "cuda")
 _TRAIN = "train."
 
 
@@ -61,7 +63,7 @@ def parse_options(argv: Sequence[str] | None) -> TrainOptions:
     args = _parser().parse_args(argv)
     changes = dict(_setting(text) for text in args.set)
     network = {name: value for name, value in changes.items() if not name.startswith(_TRAIN)}
-    initial = None if args.init is None else load_initial(args.init)
+    initial = _initial(args.init)
     return TrainOptions(
         config_name="" if initial is not None else Path(args.config or DEFAULT_CONFIG).stem,
         network=_network_config(args.config, network, initial),
@@ -113,7 +115,7 @@ def _parser() -> argparse.ArgumentParser:
     add("--learning-rate", type=float)
     add("--phrases", type=int, dest="phrases_per_goal", help="wordings a canonical sentence is trained with")
     add("--seed", type=int)
-    add("--device", choices=DEVICES, default="auto")
+    add("--device", choices=_DEVICES, default="auto")
     add("--save-minutes", type=float, default=3.0, help="between saves")
     add("--minutes", type=float, default=math.inf, help="stop (and save) after so long")
     add("--keep-steps", default="", metavar="N,N,...", help="steps whose policies are kept in OUT/checkpoints")
@@ -124,6 +126,14 @@ def _parser() -> argparse.ArgumentParser:
         help="memory for encoded observations, of each process that makes batches",
     )
     return parser
+
+
+def _initial(name: str | None) -> Initial | None:
+    if name is None:
+        return None
+    from cliport_policy.training.initial import load_initial  # brings torch, for which other options need not wait
+
+    return load_initial(name)
 
 
 def _network_config(name: str | None, changes: dict[str, Any], initial: Initial | None) -> AnyNetworkConfig:
