@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import yaml
+from sim_settings import shipped_settings, written
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -15,13 +15,11 @@ def with_hardware_times(folder: Path, patient: bool = False, **executor: float) 
     patient: the executor keeps its own long ones, so that on a busy machine it does move; who watches it has the short.
     executor: further parameters of its own.
     """
-    settings = yaml.safe_load((ROOT / "src/cliport_bringup/config/sim.yaml").read_text())
+    settings = shipped_settings()
     del settings["/panda_guard"]
     own = settings.pop("/panda_executor")["ros__parameters"]
     kept = own if patient else {}
     if kept or executor:
         settings["/panda_executor"] = {"ros__parameters": {**kept, **executor}}
     del settings["/sim_bridge"]["ros__parameters"]["heartbeat_timeout"]
-    path = folder / "params.yaml"
-    path.write_text(yaml.safe_dump(settings))
-    return path
+    return written(settings, folder)

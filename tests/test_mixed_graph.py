@@ -14,7 +14,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
 
 pytest.importorskip("franky", reason="needs franky: make setup EXTRAS='all driver'")
 pytest.importorskip("franky_sim", reason="needs franky-sim: make setup EXTRAS='all driver'")
@@ -25,6 +24,7 @@ from hardware_times import ROOT
 from rclpy.qos import qos_profile_sensor_data
 from ros_domain import next_domain
 from sensor_msgs.msg import JointState
+from sim_settings import shipped_settings, written
 from std_srvs.srv import Trigger
 
 from cliport_benchmark.errors import BenchmarkError
@@ -83,12 +83,10 @@ class Fingers:
 
 def parameters(folder: Path) -> Path:
     """Return the simulator's parameters for an FR3, with patience for a machine that simulates two arms."""
-    settings = yaml.safe_load((ROOT / "src/cliport_bringup/config/sim.yaml").read_text())
+    settings = shipped_settings()
     settings["/**"]["ros__parameters"]["robot"] = "fr3"
     settings["/panda_executor"]["ros__parameters"] |= PATIENT
-    path = folder / "mixed.yaml"
-    path.write_text(yaml.safe_dump(settings))
-    return path
+    return written(settings, folder)
 
 
 def scores(domain: int, folder: Path, **arguments: str) -> list[float]:

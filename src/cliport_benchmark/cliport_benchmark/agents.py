@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 EXPERT = "expert"
 BLIND = "blind"
 BUILT_IN = (EXPERT, BLIND)  # agents without weights
+POLICY_MODULE = "cliport_policy.policy"  # what processes import that ask a policy
 
 Answer: TypeAlias = tuple[PickPlaceAction | None, float | None]
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import cv2
 
-from cliport_benchmark.agents import BUILT_IN, Agent, PolicyAgent, load_agent
+from cliport_benchmark.agents import BUILT_IN, POLICY_MODULE, Agent, PolicyAgent, load_agent
 from cliport_benchmark.arm_hand import ArmHand
 from cliport_benchmark.episode import EpisodeHand, run_episode
 from cliport_benchmark.errors import BenchmarkError, OptionError
@@ -180,8 +180,9 @@ def evaluate(
         BenchmarkError: when the checkpoint cannot be used, a process died, or a scene failed; the others are done.
     """
     missing = [seed for seed in config.seeds if seed not in journal.outcomes]
-    needed = () if config.checkpoint in BUILT_IN else ("cliport_policy.policy",)
-    with closing(run_parallel(_run, missing, processes, partial(_set_up, config), cluster, needed)) as results:
+    needed = () if config.checkpoint in BUILT_IN else (POLICY_MODULE,)
+    set_up = partial(_set_up, config)
+    with closing(run_parallel(_run, missing, processes, set_up, cluster, preload=needed)) as results:
         for _, outcome in results:
             if isinstance(outcome, str):
                 raise BenchmarkError(outcome)

@@ -14,6 +14,7 @@ from typing import Any
 
 import cv2
 
+from cliport_benchmark.agents import POLICY_MODULE
 from cliport_benchmark.done_bias import fitted_done_bias
 from cliport_benchmark.errors import BenchmarkError, OptionError
 from cliport_benchmark.json_files import check_writable, write_json
@@ -123,7 +124,7 @@ def _examine(options: argparse.Namespace, tasks: Sequence[str]) -> list[Examined
     scenes = [(task, options.first_seed + i, i) for task in tasks for i in range(options.episodes)]
     set_up = partial(_set_up, options.checkpoint, options.split, options.survey_colors)
     found: dict[Scene, Examined] = {}
-    with closing(run_parallel(_ask, scenes, options.processes, set_up, preload=("cliport_policy.policy",))) as results:
+    with closing(run_parallel(_ask, scenes, options.processes, set_up, preload=(POLICY_MODULE,))) as results:
         for scene, answers in results:
             if isinstance(answers, str):
                 raise BenchmarkError(answers)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 from collections.abc import Iterator
+from importlib import import_module
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -13,7 +14,8 @@ import cv2
 import pytest
 import torch
 
-from cliport_benchmark import bench_generation, evaluate, experiment_cli, generate, parallel, sweep
+from cliport_benchmark import bench_generation, evaluate, experiment_cli, generate, parallel, sweep, understanding_cli
+from cliport_benchmark.agents import POLICY_MODULE
 from cliport_benchmark.errors import BenchmarkError
 from sim_bridge.errors import SimBridgeError
 
@@ -56,20 +58,34 @@ def test_a_process_that_evaluates_has_one_thread_each(monkeypatch: pytest.Monkey
     assert evaluate._run(7) == f"{checkpoint} 7" and evaluate._run(13) == "seed 13: it flew apart"
 
 
-@pytest.mark.parametrize(("checkpoint", "needed"), [("expert", ()), ("default", ("cliport_policy.policy",))])
+@pytest.mark.parametrize(
+    ("command", "checkpoint", "needed"),
+    [
+        (evaluate, "expert", ()),
+        (evaluate, "default", (POLICY_MODULE,)),
+        (understanding_cli, "default", (POLICY_MODULE,)),
+    ],
+)
 def test_processes_that_ask_a_policy_share_its_import(
-    monkeypatch: pytest.MonkeyPatch, checkpoint: str, needed: tuple[str, ...]
+    monkeypatch: pytest.MonkeyPatch, command: Any, checkpoint: str, needed: tuple[str, ...]
 ) -> None:
     given: list[Any] = []
 
-    def run_parallel(*arguments: Any) -> Iterator[tuple[int, str]]:
-        given.extend(arguments)
+    def run_parallel(*arguments: Any, preload: Any = ()) -> Iterator[tuple[int, str]]:
+        given.append(preload)
         yield from ()
 
-    monkeypatch.setattr(evaluate, "run_parallel", run_parallel)
-    config = SimpleNamespace(checkpoint=checkpoint, seeds=[])
-    assert evaluate.evaluate(config, 2, SimpleNamespace(outcomes={}), given.append) == []  # type: ignore[arg-type]
-    assert given[-1] == needed
+    monkeypatch.setattr(command, "run_parallel", run_parallel)
+    if command is evaluate:
+        config = SimpleNamespace(checkpoint=checkpoint, seeds=[])
+        assert evaluate.evaluate(config, 2, SimpleNamespace(outcomes={}), given.append) == []  # type: ignore[arg-type]
+    else:
+        options = SimpleNamespace(
+            checkpoint=checkpoint, split="val", survey_colors=False, first_seed=0, episodes=0, processes=1
+        )
+        assert understanding_cli._examine(options, []) == []  # type: ignore[arg-type]
+    assert given == [needed]
+    assert hasattr(import_module(POLICY_MODULE), "load_policy")
 
 
 def test_a_process_without_an_evaluator_says_why_for_each_scene(monkeypatch: pytest.MonkeyPatch) -> None:
