@@ -26,6 +26,7 @@ setup(
             "dataset = cliport_policy.dataset:main",
             "explain = cliport_policy.explain:main",
             "fit_color_words = cliport_policy.color_words:main",
+            "fit_presence = cliport_policy.fit_presence:main",
             "learn = cliport_policy.learn:main",
             "lerobot = cliport_policy.lerobot:main",
             "offline = cliport_policy.offline:main",

@@ -30,6 +30,7 @@ class Card:
     temperatures: divisors of the logits of `pick` and `place` for calibrated confidences; 1 if absent.
     done_bias: what is added to the log odds of "done" where a primitive would act, by the primitive's name, so that a
     probability of 0.5 parts what is done from what is not; 0 if absent.
+    presence: `kinds` and `colors` that the checkpoint's presence network knows, and `made_by`; empty if it has none.
     primitive: the primitive of all demonstrations behind it; pick_place if the card does not say.
     min_similarity: an instruction whose sentence vector is less similar than this to every anchor is refused.
     """
@@ -44,6 +45,7 @@ class Card:
     temperatures: dict[str, float] = field(default_factory=dict)
     primitive: Primitive = Primitive.PICK_PLACE
     done_bias: dict[str, float] = field(default_factory=dict)
+    presence: dict[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         for name, value in self.temperatures.items():
@@ -73,6 +75,7 @@ class Card:
             "frozen": self.frozen,
             "temperatures": self.temperatures,
             "done_bias": self.done_bias,
+            "presence": self.presence,
             "primitive": self.primitive.label,
         }
 
@@ -94,6 +97,7 @@ class Card:
             temperatures={name: float(value) for name, value in values.get("temperatures", {}).items()},
             primitive=Primitive.from_label(values.get("primitive", Primitive.PICK_PLACE.label)),
             done_bias={name: float(value) for name, value in values.get("done_bias", {}).items()},
+            presence=dict(values.get("presence", {})),
         )
 
 

@@ -16,6 +16,12 @@ from cliport_policy.whole_files import json_text, whole_file
 
 _HALVES = (torch.float16, torch.bfloat16)
 ANCHORS = "instruction_anchors"  # tensor of training sentences, compared with new ones
+PRESENCE = "presence."  # prefix of the tensors of a presence network, which is none of the policy's own
+
+
+def network_tensors(tensors: Mapping[str, Tensor]) -> dict[str, Tensor]:
+    """Return the tensors of a checkpoint that are its policy network's weights."""
+    return {name: tensors[name] for name in tensors if name != ANCHORS and not name.startswith(PRESENCE)}
 
 
 def save_checkpoint(path: Path, tensors: dict[str, Tensor], card: Card) -> None:
@@ -51,6 +57,11 @@ class StoredTensors(Mapping[str, Tensor]):
             raise KeyError(name)
         tensor: Tensor = self._file.get_tensor(name)
         return tensor.float() if tensor.dtype in _HALVES else tensor
+
+    def as_stored(self, name: str) -> Tensor:
+        """Return a tensor in the precision that it was stored in."""
+        tensor: Tensor = self._file.get_tensor(name)
+        return tensor
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._names)

@@ -31,6 +31,8 @@ from cliport_policy.networks.policy_network import Goal, PolicyNetwork
 from cliport_policy.networks.rotation import bin_angles
 from cliport_policy.observation import observation_tensor
 from cliport_policy.peaks import CellGrid, Peak, best_rotation
+from cliport_policy.presence.presence import Presence
+from cliport_policy.presence.stored import load_presence
 from cliport_policy.sides import Side, at_own_side, at_side, own_side_named, side_named
 
 _MOST_ALIKE = 6  # places among which a side may be named,
@@ -39,6 +41,7 @@ _HARDLY_ALIKE = 0.02  # the same where the side is one of a thing's own
 _OUT = 30.0  # logits that put a place out
 _CANDIDATES = 3  # places at most that an aligner is asked about,
 _LEAST_SHARE = 0.05  # and after the first only those that are as likely as this
+_ABSENT_BIAS = -math.log(4)  # of the log odds of what a presence network says: it is believed from 0.8 on
 _WARM_UP = "put the red blocks in the green bowl"
 
 
@@ -48,6 +51,7 @@ class Scores(NamedTuple):
     picks: (h * w,); nulls: (1 or 2,), of "done" and, where the network tells it apart, of "not here".
     yaws: (k,) or None; places: (k, h, w) for a pick at pick.pixel, an aligner's part with them.
     primitives: (number of primitives,), None where none is chosen.
+    absent: how likely something named is not to be seen, 0..1, by a presence network; 0 without one.
     """
 
     picks: Tensor
@@ -56,13 +60,21 @@ class Scores(NamedTuple):
     places: Tensor
     pick: Peak
     primitives: Tensor | None = None
+    absent: float = 0.0
 
 
 class Policy:
     """Locator, rotator and transport behind one call. Made by load_policy."""
 
-    def __init__(self, network: PolicyNetwork, anchors: Tensor, card: Card, encoder: TextEncoder) -> None:
-        self.card = card
+    def __init__(
+        self,
+        network: PolicyNetwork,
+        anchors: Tensor,
+        card: Card,
+        encoder: TextEncoder,
+        presence: Presence | None = None,
+    ) -> None:
+        self.card, self._presence = card, presence
         self._network = network.eval().to(memory_format=torch.channels_last)  # type: ignore[call-overload]
         self._anchors = anchors  # (A, 384) unit sentence vectors of training instructions
         self._encoder = encoder
@@ -128,12 +140,18 @@ class Policy:
         rows, cols = self.workspace.shape
         color, height = np.full((rows, cols, 3), 128, np.uint8), np.zeros((rows, cols), np.float32)
         empty = Heightmap(color, height, np.ones((rows, cols), np.bool_), self.workspace)
-        self._decide(self._score(empty, _WARM_UP, empty if self.needs_goal_image else None), with_maps=True)
+        scores = self._score(empty, _WARM_UP, empty if self.needs_goal_image else None)
+        self._decide(self._with_absence(scores, empty, _WARM_UP), with_maps=True)
 
     def score(self, observation: Heightmap, instruction: str, goal: Heightmap | None = None) -> Scores:
         """Return the network's logits for an observation. Raises the errors of `infer`."""
         self.check_instruction(instruction)
-        return self._score(observation, instruction, goal)
+        return self._with_absence(self._score(observation, instruction, goal), observation, instruction)
+
+    def _with_absence(self, scores: Scores, observation: Heightmap, instruction: str) -> Scores:
+        if self._presence is None:
+            return scores
+        return scores._replace(absent=self._presence.absent_probability(self._tensor(observation), instruction))
 
     @torch.inference_mode()
     def _score(self, observation: Heightmap, instruction: str, goal: Heightmap | None) -> Scores:
@@ -233,7 +251,7 @@ class Policy:
             place_confidence=place_confidence,
             done_probability=_shifted(float(nulls[0]), self.card.done_bias.get(primitive.label, 0.0)),
             maps=self._maps(pick_mass, place_mass.max(0)) if with_maps else None,
-            absent_probability=float(nulls[1]) if len(nulls) > 1 else 0.0,
+            absent_probability=max(float(nulls[1]) if len(nulls) > 1 else 0.0, _shifted(scores.absent, _ABSENT_BIAS)),
         )
         return Explanation(inference, yaws, place_mass.sum((1, 2)))
 
@@ -308,8 +326,10 @@ def load_policy(path_or_name: str | Path = "default", precision: str = "auto", c
     if ANCHORS not in tensors:
         raise CheckpointError(f"checkpoint {path} lacks {ANCHORS}: train again")
     network = restore_network(card.network, tensors, card.frozen, path, precision)
+    presence = load_presence(tensors, card, shared_encoder(), path)
     if compiled:
         compile_network(network)
-    policy = Policy(network, tensors[ANCHORS].clone(), card, shared_encoder())  # a view would keep the file in memory
+    anchors = tensors[ANCHORS].clone()  # a view would keep the file in memory
+    policy = Policy(network, anchors, card, shared_encoder(), presence)
     release_unused()
     return policy

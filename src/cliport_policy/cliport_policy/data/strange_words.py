@@ -1,4 +1,4 @@
-"""Shapes of kits under names that no demonstration holds, so that a network learns to go by how a hole looks.
+"""Names that no demonstration holds: of shapes, so that a network learns to go by how a hole looks, and of objects.
 
 Heard in training, a name that means nothing says neither which hole is meant nor that the piece is not there.
 """
@@ -20,6 +20,19 @@ STRANGE_NAMES = (
     "crescent", "trapezoid", "oval", "rhombus", "octagon", "arrow", "cloud", "teardrop", "leaf", "shield", "gear",
     "key", "spade", "anchor", "fish", "butterfly", "zigzag", "spiral", "wedge", "hook", "kite", "bolt", "half moon",
     "cross", "puzzle piece", "parallelogram", "pebble", "comma", "horseshoe", "clover",
+)  # fmt: skip
+
+STRANGE_OBJECTS = (
+    "stapler", "water bottle", "sponge", "pair of glasses", "notebook", "tennis ball", "wine glass", "candle",
+    "umbrella", "wallet", "baseball cap", "banana", "toy car", "plush rabbit", "lemon", "hair brush", "comb", "tea pot",
+    "ladle", "whisk", "sock", "glove", "scarf", "shoe box", "perfume bottle", "shampoo bottle", "jar of honey",
+    "bag of chips", "cookie tin", "battery", "light bulb", "remote control", "phone", "keyboard", "pair of headphones",
+    "speaker", "watch", "coin purse", "doll", "toy horse", "toy truck", "toy boat", "giraffe statue", "elephant statue",
+    "drill", "pair of pliers", "wrench", "saw", "paint brush", "marker", "pencil case", "ruler", "stamp", "envelope",
+    "calendar", "vase", "plant pot", "saucer", "egg carton", "loaf of bread", "piece of cheese", "apple", "pear",
+    "carrot", "pepper mill", "salt shaker", "oil can", "cork", "pillow", "blanket", "backpack", "lunch tin", "thermos",
+    "flask", "helmet", "pair of goggles", "whistle", "drum", "guitar", "flute", "bell", "picture frame", "mirror",
+    "tray", "basket", "bucket", "straw", "ice tray", "glue stick", "tape measure", "hand towel", "checkered napkin",
 )  # fmt: skip
 
 

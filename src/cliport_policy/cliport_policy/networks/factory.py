@@ -11,7 +11,7 @@ import torch
 from torch import Tensor
 
 from cliport_policy.blank import blank_modules
-from cliport_policy.checkpoint import ANCHORS
+from cliport_policy.checkpoint import network_tensors
 from cliport_policy.color_words import load_color_head
 from cliport_policy.config import PRECISIONS, NetworkConfig
 from cliport_policy.encoders.files import models_folder
@@ -65,7 +65,7 @@ def restore_network(
             f"put the files it was trained on into {models_folder()}"
         )
     try:
-        weights = {name: _cast(tensors[name], dtype) for name in tensors if name != ANCHORS}
+        weights = {name: _cast(tensor, dtype) for name, tensor in network_tensors(tensors).items()}
         network.load_state_dict(weights, assign=True)
     except RuntimeError as error:
         reason = " ".join(str(error).split())[:200]

@@ -12,7 +12,7 @@ from torch import Tensor
 from cliport_core.action import Primitive
 from cliport_core.workspace import WorkspaceSpec
 from cliport_policy.card import Card, resolve_checkpoint, weights_sha256
-from cliport_policy.checkpoint import ANCHORS, load_checkpoint
+from cliport_policy.checkpoint import ANCHORS, load_checkpoint, network_tensors
 from cliport_policy.data.demonstrations import DemonstrationSet
 from cliport_policy.data.primitives import check_primitive, primitive_taught
 from cliport_policy.errors import CheckpointError, ConfigError, DataError
@@ -83,7 +83,7 @@ class Initial:
                 f"here are '{network.encoder_identity}'"
             )
         try:
-            network.load_state_dict({name: self.tensors[name] for name in self.tensors if name != ANCHORS})
+            network.load_state_dict(network_tensors(self.tensors))
         except RuntimeError as error:
             reason = " ".join(str(error).split())[:200]
             raise CheckpointError(f"checkpoint {self.name} does not fit its card ({reason}): restore it") from error

@@ -58,7 +58,7 @@ class ColorMaps(nn.Module):
             suits = self._suits(x.float(), density, chosen, basic)  # (B, M, N)
             if shades is not None and is_known(shades).any():
                 known = shades.gather(1, chosen[..., None].expand(-1, -1, 3))  # (B, M, 3)
-                suits = torch.where(is_known(known)[..., None], _nearest(x.float(), known), suits)
+                suits = torch.where(is_known(known)[..., None], nearest_shades(x.float(), known), suits)
             score = self.choose(words.float()).gather(1, chosen[..., None].expand(-1, -1, self.n_maps))
             weight = (score + sure.clamp_min(1e-4).log()[..., None]).softmax(1) * sure[..., None]  # (B, M, n_maps)
             maps = weight.transpose(1, 2) @ suits
@@ -68,7 +68,7 @@ class ColorMaps(nn.Module):
         """Return how well each half-resolution pixel suits the chosen words: (B, M, N) in 0..1."""
         batch = torch.arange(len(x), device=x.device)[:, None]
         picked = ColorDensity(*(value[batch, chosen] for value in density))
-        lab, _, valid = _unfolded(x)
+        lab, _, valid = unfolded(x)
         if basic is None:
             suits = picked.membership(lab)
         else:
@@ -92,20 +92,20 @@ def shown_by_maps(x: Tensor, maps: Tensor, chosen: Tensor) -> Tensor:
     return torch.cat((shown, gray[:, 12:]), dim=1)
 
 
-def _unfolded(x: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+def unfolded(x: Tensor) -> tuple[Tensor, Tensor, Tensor]:
     """Return scaled CIELAB (B, N, 3), height in m (B, N), and how much is seen, 0..1 (B, N), of folded channels."""
     folded = x.unflatten(1, (CHANNELS, 4)).mean(2)  # (B, 5, H/2, W/2)
     shown = unscaled(folded).flatten(2)
     return scaled_lab(shown[:, :3].transpose(1, 2)), shown[:, 3], folded[:, 4].flatten(1)
 
 
-def _nearest(x: Tensor, known: Tensor) -> Tensor:
+def nearest_shades(x: Tensor, known: Tensor) -> Tensor:
     """Return how near each pixel comes to the thing that is nearest to a colour: (B, M, N) in 0..1.
 
     known: (B, M, 3) scaled CIELAB. A thing stands out from the table; if the nearest is too far, none is taken for it.
     Light shifts the colours of all things alike, so that which is nearest says more than how near it is.
     """
-    lab, height, valid = _unfolded(x)
+    lab, height, valid = unfolded(x)
     offset = (lab[:, None] - known[:, :, None]) / lab.new_tensor(_SPREAD)
     near = (-0.5 * offset.square().sum(-1)).nan_to_num(_NOWHERE)  # (B, M, N)
     patches = F.avg_pool2d(near.unflatten(2, x.shape[-2:]), _PATCH, 1, _PATCH // 2, count_include_pad=False).flatten(2)

@@ -1,0 +1,33 @@
+"""Kinds of things that demonstrations list, and those that a canonical sentence names."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from typing import NamedTuple
+
+from cliport_policy.data.named_things import named_things
+
+ZONE = "zone"  # square on the table, which a pile is swept into or a rope laid along; another square is a shape
+_SQUARE = "square"
+_AT_ZONES = {"small block", "bead"}  # what lies where squares are zones
+
+
+class NamedKinds(NamedTuple):
+    """Kind of what a sentence has picked, and of what it is placed at."""
+
+    pick: str
+    place: str
+
+
+def listed_kind(name: str, names: Collection[str]) -> str:
+    """Return the kind of a listed thing of a scene that holds things of these names."""
+    return ZONE if name == _SQUARE and not _AT_ZONES.isdisjoint(names) else name
+
+
+def named_kinds(sentence: str) -> NamedKinds | None:
+    """Return the kinds that a canonical sentence names; None for a sentence of another form."""
+    named = named_things(sentence)
+    if named is None:
+        return None
+    place = named.places[0][1]
+    return NamedKinds(named.picks[0][1], ZONE if place == _SQUARE else place)

@@ -1,0 +1,92 @@
+"""How likely what a sentence names is not to be seen in a scene."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
+
+from cliport_policy.data.color_names import color_spans
+from cliport_policy.language import TextEncoder
+from cliport_policy.presence.color_evidence import TERMS, name_map, term_maps
+from cliport_policy.presence.scene_net import SceneNet, evidence, grayed
+from cliport_policy.presence.sentence_net import Role, SentenceNet
+from cliport_policy.presence.vocabulary import Vocabulary
+
+_READINGS = 3  # kinds of one role that are asked about, the likeliest ones
+_REMEMBERED = 256  # sentences
+
+
+class Meant(NamedTuple):
+    """What a sentence means to have picked, or placed at.
+
+    kinds: numbers of the likeliest kinds that are known. shares: how likely each is; what is left is not known.
+    colors: names of its colours, any of which will do, none if there are none.
+    """
+
+    kinds: tuple[int, ...]
+    shares: tuple[float, ...]
+    colors: tuple[str, ...]
+
+
+class Presence:
+    """Two nets and what their numbers mean."""
+
+    def __init__(self, vocabulary: Vocabulary, encoder: TextEncoder, scene: SceneNet, sentence: SentenceNet) -> None:
+        self.vocabulary, self._encoder = vocabulary, encoder
+        self._scene, self._sentence = scene.eval(), sentence.eval()
+        self.meant = lru_cache(_REMEMBERED)(self._meant)
+
+    @torch.inference_mode()
+    def absent_probability(self, image: Tensor, instruction: str) -> float:
+        """Return how likely something that an instruction names is not in a scene, 0..1.
+
+        image: (1, 5, H, W), an observation. What it does not know for a kind it takes for present.
+        """
+        asked = self.meant(instruction.strip())
+        by_shade = any(_term(color) not in TERMS for role in asked for color in role.colors)
+        features = self._scene.features(grayed(image, torch.tensor([by_shade])))
+        terms = term_maps(image)
+        return 1.0 - min(self._present(role, features, image, terms) for role in asked)
+
+    def _present(self, role: Meant, features: Tensor, image: Tensor, terms: Tensor) -> float:
+        """Return how likely something is there that a role may mean."""
+        if not role.kinds:
+            return 1.0
+        names = [_term(color) for color in role.colors]
+        maps = torch.stack([name_map(name, image, terms) for name in names]) if names else terms[0, :1]
+        each = len(maps)
+        numbers = [self.vocabulary.color(name) for name in names] or [0]
+        kinds = torch.tensor(role.kinds)[None].repeat_interleave(each, dim=1)
+        colors = torch.tensor(numbers * len(role.kinds))[None]
+        any_color = torch.full_like(colors, not names, dtype=torch.bool)
+        asked = evidence(maps.repeat(len(role.kinds), 1, 1)[None], any_color)
+        logits = self._scene.score(features, asked, kinds, colors)
+        best = logits.flatten(2).amax(2).unflatten(1, (-1, each)).amax(2)[0].sigmoid()  # any of its colours will do
+        known = torch.tensor(role.shares)
+        return float((known * best).sum() + 1 - known.sum())
+
+    @torch.inference_mode()
+    def _meant(self, instruction: str) -> tuple[Meant, Meant]:
+        """Return what an instruction means to have picked, and where it is to be placed."""
+        tokens, mask = self._encoder.encode([instruction])
+        kinds, roles = self._sentence(tokens, mask)
+        colors: dict[int, list[str]] = {Role.PICK: [], Role.PLACE: []}
+        for begin, end in color_spans(instruction):
+            inside = self._encoder.pieces.within(instruction, begin, end)[: roles.shape[1]]
+            if inside.any():
+                role = int(roles[0, inside].softmax(-1).mean(0).argmax())
+                colors.get(role, []).append(instruction[begin:end].lower())
+        pick, place = kinds[0].softmax(-1)
+        return self._read(pick, colors[Role.PICK]), self._read(place, colors[Role.PLACE])
+
+    def _read(self, shares: Tensor, colors: list[str]) -> Meant:
+        best = shares[:-1].topk(min(_READINGS, len(shares) - 1))
+        return Meant(tuple(best.indices.tolist()), tuple(best.values.tolist()), tuple(colors))
+
+
+def _term(color: str) -> str:
+    """Return a colour's name as the basic terms are spelled."""
+    return color.replace("grey", "gray")
