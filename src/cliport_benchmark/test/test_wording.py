@@ -7,7 +7,8 @@ import pytest
 
 from cliport_benchmark.errors import OptionError
 from cliport_benchmark.wording import Wording, load_patterns, load_synonyms
-from cliport_policy.data.strange_words import STRANGE_NAMES
+from cliport_policy.data.strange_words import STRANGE_NAMES, STRANGE_OBJECTS
+from sim_bridge.everyday import catalogue, google_names
 from sim_bridge.objects.kit_shapes import KIT_SHAPES
 from sim_bridge.tasks import ColorGoal
 from sim_bridge.tasks.color_goal import PATTERN
@@ -43,3 +44,5 @@ def test_no_strange_name_is_one_of_the_benchmarks() -> None:
     """What training calls shapes by strange names never says a held-out one."""
     words = {word for shape in KIT_SHAPES for word in shape.name.split()} - {"letter", "shape"}
     assert len(STRANGE_NAMES) > 50 and not any(word in name.split() for name in STRANGE_NAMES for word in words)
+    objects = {*catalogue.SEEN, *catalogue.UNSEEN, *google_names.SEEN, *google_names.UNSEEN}
+    assert len(STRANGE_OBJECTS) > 80 and not objects.intersection(STRANGE_OBJECTS)

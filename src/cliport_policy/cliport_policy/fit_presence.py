@@ -51,8 +51,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         mixture = _mixture(args)
         things = [read_listed_things(source.data) for source in mixture.sources]
         sentences = mixture.instructions_by_source()
-        scenes = [things[i][frame.place] for i, source in enumerate(mixture.sources) for frame in source.data.frames]
-        vocabulary = vocabulary_of(scenes, (sentence for group in sentences for sentence in group))
+        frames = [(i, frame) for i, source in enumerate(mixture.sources) for frame in source.data.frames]
+        names = ({thing.name for thing in things[i][frame.place]} for i, frame in frames)
+        vocabulary = vocabulary_of(names, (sentence for group in sentences for sentence in group))
         batches = SceneBatches(mixture, things, vocabulary, args.batch, args.seed)
         nets = _fit(args, batches, vocabulary, [sorted(group) for group in sentences])
         if nets is None:

@@ -31,7 +31,7 @@ from cliport_policy.networks.policy_network import Goal, PolicyNetwork
 from cliport_policy.networks.rotation import bin_angles
 from cliport_policy.observation import observation_tensor
 from cliport_policy.peaks import CellGrid, Peak, best_rotation
-from cliport_policy.presence.presence import Presence
+from cliport_policy.presence.presence import Missing, Presence
 from cliport_policy.presence.stored import load_presence
 from cliport_policy.sides import Side, at_own_side, at_side, own_side_named, side_named
 
@@ -51,7 +51,7 @@ class Scores(NamedTuple):
     picks: (h * w,); nulls: (1 or 2,), of "done" and, where the network tells it apart, of "not here".
     yaws: (k,) or None; places: (k, h, w) for a pick at pick.pixel, an aligner's part with them.
     primitives: (number of primitives,), None where none is chosen.
-    absent: how likely something named is not to be seen, 0..1, by a presence network; 0 without one.
+    missing: what a presence network finds least of what is named; None without one.
     """
 
     picks: Tensor
@@ -60,7 +60,7 @@ class Scores(NamedTuple):
     places: Tensor
     pick: Peak
     primitives: Tensor | None = None
-    absent: float = 0.0
+    missing: Missing | None = None
 
 
 class Policy:
@@ -151,7 +151,7 @@ class Policy:
     def _with_absence(self, scores: Scores, observation: Heightmap, instruction: str) -> Scores:
         if self._presence is None:
             return scores
-        return scores._replace(absent=self._presence.absent_probability(self._tensor(observation), instruction))
+        return scores._replace(missing=self._presence.missing(self._tensor(observation), instruction))
 
     @torch.inference_mode()
     def _score(self, observation: Heightmap, instruction: str, goal: Heightmap | None) -> Scores:
@@ -237,6 +237,8 @@ class Policy:
         primitive = self._primitive(scores.primitives)
         nulls = _mass(torch.cat((scores.picks, scores.nulls)))[len(scores.picks) :]
         pick_confidence, place_confidence = pick.confidence(pick_mass), place.confidence(place_mass.sum(0))
+        absent = float(nulls[1]) if len(nulls) > 1 else 0.0
+        doubt = _shifted(scores.missing.probability, _ABSENT_BIAS) if scores.missing else 0.0
         action = PickPlaceAction(
             pick=self._pose_at(pick.pixel, pick_yaw),
             place=self._pose_at(place.pixel, place_yaw),
@@ -251,7 +253,8 @@ class Policy:
             place_confidence=place_confidence,
             done_probability=_shifted(float(nulls[0]), self.card.done_bias.get(primitive.label, 0.0)),
             maps=self._maps(pick_mass, place_mass.max(0)) if with_maps else None,
-            absent_probability=max(float(nulls[1]) if len(nulls) > 1 else 0.0, _shifted(scores.absent, _ABSENT_BIAS)),
+            absent_probability=max(absent, doubt),
+            missing=scores.missing.name if scores.missing and doubt >= absent else "",
         )
         return Explanation(inference, yaws, place_mass.sum((1, 2)))
 

@@ -18,11 +18,16 @@ GOAL = "put the red blocks in the green bowl"
 
 
 def inference(
-    done: float = 0.0, confidence: float = 0.9, primitive: Primitive = Primitive.PICK_PLACE, absent: float = 0.0
+    done: float = 0.0,
+    confidence: float = 0.9,
+    primitive: Primitive = Primitive.PICK_PLACE,
+    absent: float = 0.0,
+    missing: str = "",
 ) -> Inference:
     pose = PlanarPose(0.4, 0.1, 0.3)
     action = PickPlaceAction(pose, pose, primitive, confidence)
-    return Inference(action, (200, 60), (200, 60), confidence, confidence, done, absent_probability=absent)
+    nulls = {"absent_probability": absent, "missing": missing}
+    return Inference(action, (200, 60), (200, 60), confidence, confidence, done, **nulls)  # type: ignore[arg-type]
 
 
 class World:

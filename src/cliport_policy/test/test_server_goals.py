@@ -140,6 +140,10 @@ def test_what_is_not_there_is_not_taken_for_done() -> None:
     world.think(absent=0.8, done=0.1)
     assert world.state == PolicyState.FAILED and not world.goals
     assert world.message == "what 'put the purple blocks in a red bowl' names is not to be seen"
+    world.say("put the purple blocks in a red bowl")
+    world.see()
+    world.think(absent=0.9, missing="purple block")
+    assert world.state == PolicyState.FAILED and world.message == "no purple block is to be seen"
 
 
 @pytest.mark.parametrize("text", ["stop", "Halt!", "cancel, please", "STOP NOW", "please stop it.", "stop the arm"])

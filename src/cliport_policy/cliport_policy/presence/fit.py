@@ -32,7 +32,7 @@ _CHUNK = 64
 
 
 def fit_sentences(net: SentenceNet, examples: Sequence[Example], steps: int, seed: int, encoder: TextEncoder) -> float:
-    """Teach a net sentences; return the mean loss of its last hundred steps."""
+    """Fit a net to sentences; return the mean loss of its last hundred steps."""
     rng = np.random.default_rng(seed)
     tokens, roles = _embedded(examples, encoder)
     kinds = torch.tensor([(example.pick, example.place) for example in examples])
@@ -92,7 +92,7 @@ def scene_optimizer(net: SceneNet) -> torch.optim.Optimizer:
 
 
 def scene_step(net: SceneNet, optimizer: torch.optim.Optimizer, batch: SceneBatch, done: float) -> dict[str, float]:
-    """Learn from a batch; return its losses. done: share of the training behind it, 0..1."""
+    """Take one step by a batch; return its losses. done: share of the training behind it, 0..1."""
     behind = int(next(iter(optimizer.state.values()))["step"]) if optimizer.state else 0
     rate = _LAST_RATE + _SCENE_RATE * min(1.0, (behind + 1) / _WARM_UP) * 0.5 * (1 + math.cos(math.pi * done))
     optimizer.param_groups[0]["lr"] = rate

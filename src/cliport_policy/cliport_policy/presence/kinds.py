@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from typing import NamedTuple
 
 from cliport_policy.data.named_things import named_things
 
 ZONE = "zone"  # square on the table, which a pile is swept into or a rope laid along; another square is a shape
 _SQUARE = "square"
+_SPOKEN = {ZONE: "square", "small block": "block", "bead": "rope"}  # kinds that people call otherwise
 _AT_ZONES = {"small block", "bead"}  # what lies where squares are zones
 
 
@@ -22,6 +23,11 @@ class NamedKinds(NamedTuple):
 def listed_kind(name: str, names: Collection[str]) -> str:
     """Return the kind of a listed thing of a scene that holds things of these names."""
     return ZONE if name == _SQUARE and not _AT_ZONES.isdisjoint(names) else name
+
+
+def spoken(kind: str, colors: Sequence[str]) -> str:
+    """Return what people call a kind in one of some colours, such as "red or blue bowl"."""
+    return " ".join(filter(None, (" or ".join(colors), _SPOKEN.get(kind, kind))))
 
 
 def named_kinds(sentence: str) -> NamedKinds | None:

@@ -1,4 +1,4 @@
-"""How likely what a sentence names is not to be seen in a scene."""
+"""Look for what a sentence names in a scene, and for what is missing."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from torch import Tensor
 from cliport_policy.data.color_names import color_spans
 from cliport_policy.language import TextEncoder
 from cliport_policy.presence.color_evidence import TERMS, name_map, term_maps
+from cliport_policy.presence.kinds import spoken
 from cliport_policy.presence.scene_net import SceneNet, evidence, grayed
 from cliport_policy.presence.sentence_net import Role, SentenceNet
 from cliport_policy.presence.vocabulary import Vocabulary
@@ -20,7 +21,7 @@ _REMEMBERED = 256  # sentences
 
 
 class Meant(NamedTuple):
-    """What a sentence means to have picked, or placed at.
+    """Reading of what a sentence has picked, or of what it is placed at.
 
     kinds: numbers of the likeliest kinds that are known. shares: how likely each is; what is left is not known.
     colors: names of its colours, any of which will do, none if there are none.
@@ -29,6 +30,16 @@ class Meant(NamedTuple):
     kinds: tuple[int, ...]
     shares: tuple[float, ...]
     colors: tuple[str, ...]
+
+
+class Missing(NamedTuple):
+    """The thing that is least likely there, of those that a sentence names.
+
+    probability: how likely it is not to be seen, 0..1. name: what people call it, such as "purple bowl".
+    """
+
+    probability: float
+    name: str
 
 
 class Presence:
@@ -40,8 +51,8 @@ class Presence:
         self.meant = lru_cache(_REMEMBERED)(self._meant)
 
     @torch.inference_mode()
-    def absent_probability(self, image: Tensor, instruction: str) -> float:
-        """Return how likely something that an instruction names is not in a scene, 0..1.
+    def missing(self, image: Tensor, instruction: str) -> Missing:
+        """Return which of the things that an instruction names is least likely in a scene.
 
         image: (1, 5, H, W), an observation. What it does not know for a kind it takes for present.
         """
@@ -49,7 +60,10 @@ class Presence:
         by_shade = any(_term(color) not in TERMS for role in asked for color in role.colors)
         features = self._scene.features(grayed(image, torch.tensor([by_shade])))
         terms = term_maps(image)
-        return 1.0 - min(self._present(role, features, image, terms) for role in asked)
+        there = [(self._present(role, features, image, terms), role) for role in asked]
+        present, role = min(there, key=lambda one: one[0])
+        kind = self.vocabulary.kinds[role.kinds[0]] if role.kinds else ""
+        return Missing(1.0 - present, spoken(kind, role.colors))
 
     def _present(self, role: Meant, features: Tensor, image: Tensor, terms: Tensor) -> float:
         """Return how likely something is there that a role may mean."""

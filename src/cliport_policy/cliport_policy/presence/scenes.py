@@ -244,5 +244,15 @@ def _stacked(scenes: Sequence[_Scene], vocabulary: Vocabulary) -> SceneBatch:
                 present[number, at], cells[number, at] = True, question.cell
     images = torch.from_numpy(np.stack([scene.image for scene in scenes])).permute(0, 3, 1, 2)
     gray = torch.tensor([scene.gray for scene in scenes])
-    asked_about = map(torch.from_numpy, (kinds, colors, terms, shades, present, asked, cells))
-    return SceneBatch(images, *asked_about, gray=gray, marks=torch.tensor(marks).reshape(-1, 4))
+    return SceneBatch(
+        images=images,
+        kinds=torch.from_numpy(kinds),
+        colors=torch.from_numpy(colors),
+        terms=torch.from_numpy(terms),
+        shades=torch.from_numpy(shades),
+        present=torch.from_numpy(present),
+        asked=torch.from_numpy(asked),
+        cells=torch.from_numpy(cells),
+        gray=gray,
+        marks=torch.tensor(marks).reshape(-1, 4),
+    )

@@ -15,7 +15,7 @@ _DROPOUT = 0.1
 
 
 class Role(IntEnum):
-    """What a colour in a sentence belongs to."""
+    """Thing that a colour in a sentence belongs to."""
 
     PICK = 0
     PLACE = 1

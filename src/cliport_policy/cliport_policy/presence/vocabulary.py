@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 
-from cliport_policy.data.listed_things import ListedThing
 from cliport_policy.data.named_things import named_things
 from cliport_policy.presence.kinds import listed_kind
 
@@ -31,11 +30,10 @@ class Vocabulary:
         return self.colors.index(name) + 1 if name in self.colors else 0
 
 
-def vocabulary_of(scenes: Iterable[Collection[ListedThing]], sentences: Iterable[str]) -> Vocabulary:
-    """Return what scenes hold and canonical sentences name."""
+def vocabulary_of(scenes: Iterable[Collection[str]], sentences: Iterable[str]) -> Vocabulary:
+    """Return the kinds in scenes that hold things of these names, and the colours in canonical sentences."""
     kinds: set[str] = set()
-    for things in scenes:
-        names = {thing.name for thing in things}
+    for names in scenes:
         kinds.update(listed_kind(name, names) for name in names)
     colors: set[str] = set()
     for sentence in sentences:

@@ -180,7 +180,8 @@ class PolicyServer:
             done = f"the goal looks reached after {step} steps" if step else "the goal looks reached already"
             self._enter(PolicyState.DONE, done)
         elif nothing is NullAction.ABSENT:
-            self._fail(f"what '{self._status.instruction}' names is not to be seen")
+            missing, named = inference.missing, f"what '{self._status.instruction}' names"
+            self._fail(f"no {missing} is to be seen" if missing else f"{named} is not to be seen")
         elif step >= config.max_steps:
             self._fail(f"step limit of {config.max_steps} reached")
         elif inference.confidence < config.min_confidence:
