@@ -39,7 +39,7 @@ class Inference:
     a 3 cm disc around the chosen pixel, whatever the rotation, in [0, 1]. The null actions' shares: done_probability,
     how likely it is that nothing remains to be done for the instruction, shifted by the card's done_bias;
     absent_probability, how likely that what it names is not to be seen, 0 for a network that does not tell these
-    apart. missing: what is not to be seen, such as "purple bowl", if absent_probability stands for that; else "".
+    apart. missing: what is not to be seen, such as "purple bowl", "" if that can't be told.
     """
 
     action: PickPlaceAction

@@ -7,12 +7,14 @@ from typing import NamedTuple
 
 import torch
 from torch import Tensor
+from torch.nn import functional as F
 
 from cliport_policy.data.color_names import color_spans
 from cliport_policy.language import TextEncoder
+from cliport_policy.networks.joint.color_maps import shown_by_maps
 from cliport_policy.presence.color_evidence import TERMS, name_map, term_maps
 from cliport_policy.presence.kinds import spoken
-from cliport_policy.presence.scene_net import SceneNet, evidence, grayed
+from cliport_policy.presence.scene_net import SceneNet, evidence
 from cliport_policy.presence.sentence_net import Role, SentenceNet
 from cliport_policy.presence.vocabulary import Vocabulary
 
@@ -35,11 +37,13 @@ class Meant(NamedTuple):
 class Missing(NamedTuple):
     """The thing that is least likely there, of those that a sentence names.
 
-    probability: how likely it is not to be seen, 0..1. name: what people call it, such as "purple bowl".
+    probability: how likely it is not to be seen, 0..1. name: what people call it, such as "purple bowl". known: how
+    sure it is that all that is named is of known kinds, 0..1.
     """
 
     probability: float
     name: str
+    known: float = 1.0
 
 
 class Presence:
@@ -57,26 +61,26 @@ class Presence:
         image: (1, 5, H, W), an observation. What it does not know for a kind it takes for present.
         """
         asked = self.meant(instruction.strip())
-        by_shade = any(_term(color) not in TERMS for role in asked for color in role.colors)
-        features = self._scene.features(grayed(image, torch.tensor([by_shade])))
         terms = term_maps(image)
-        there = [(self._present(role, features, image, terms), role) for role in asked]
+        maps = [[name_map(_term(color), image, terms) for color in role.colors] for role in asked]
+        if any(_term(color) not in TERMS for role in asked for color in role.colors):
+            image = _shown_in_gray(image, torch.stack([one for role in maps for one in role]))
+        features = self._scene.features(image.contiguous(memory_format=torch.channels_last))
+        there = [(self._present(role, features, own), role) for role, own in zip(asked, maps, strict=True)]
         present, role = min(there, key=lambda one: one[0])
-        kind = self.vocabulary.kinds[role.kinds[0]] if role.kinds else ""
-        return Missing(1.0 - present, spoken(kind, role.colors))
+        known = min(sum(role.shares) for role in asked)
+        return Missing(1.0 - present, spoken(self.vocabulary.kinds[role.kinds[0]], role.colors), known)
 
-    def _present(self, role: Meant, features: Tensor, image: Tensor, terms: Tensor) -> float:
-        """Return how likely something is there that a role may mean."""
-        if not role.kinds:
-            return 1.0
-        names = [_term(color) for color in role.colors]
-        maps = torch.stack([name_map(name, image, terms) for name in names]) if names else terms[0, :1]
-        each = len(maps)
-        numbers = [self.vocabulary.color(name) for name in names] or [0]
+    def _present(self, role: Meant, features: Tensor, maps: list[Tensor]) -> float:
+        """Return how likely something is there that a role may mean; maps: where each of its colours is seen."""
+        numbers = [self.vocabulary.color(_term(color)) for color in role.colors] or [0]
+        each = len(numbers)
+        rows, cols = (2 * size for size in features.shape[-2:])
+        seen = torch.stack(maps) if maps else features.new_zeros(1, rows, cols)
         kinds = torch.tensor(role.kinds)[None].repeat_interleave(each, dim=1)
         colors = torch.tensor(numbers * len(role.kinds))[None]
-        any_color = torch.full_like(colors, not names, dtype=torch.bool)
-        asked = evidence(maps.repeat(len(role.kinds), 1, 1)[None], any_color)
+        any_color = torch.full_like(colors, not maps, dtype=torch.bool)
+        asked = evidence(seen.repeat(len(role.kinds), 1, 1)[None], any_color)
         logits = self._scene.score(features, asked, kinds, colors)
         best = logits.flatten(2).amax(2).unflatten(1, (-1, each)).amax(2)[0].sigmoid()  # any of its colours will do
         known = torch.tensor(role.shares)
@@ -99,6 +103,12 @@ class Presence:
     def _read(self, shares: Tensor, colors: list[str]) -> Meant:
         best = shares[:-1].topk(min(_READINGS, len(shares) - 1))
         return Meant(tuple(best.indices.tolist()), tuple(best.values.tolist()), tuple(colors))
+
+
+def _shown_in_gray(image: Tensor, maps: Tensor) -> Tensor:
+    """Return an observation (1, 5, H, W) in grey, as bright as the benchmark's blocks where maps (N, H/2, W/2) are."""
+    folded = F.pixel_unshuffle(image, 2)
+    return F.pixel_shuffle(shown_by_maps(folded, maps[None], torch.ones(1, dtype=torch.bool)), 2)
 
 
 def _term(color: str) -> str:
