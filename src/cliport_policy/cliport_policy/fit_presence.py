@@ -53,7 +53,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         sentences = mixture.instructions_by_source()
         frames = [(i, frame) for i, source in enumerate(mixture.sources) for frame in source.data.frames]
         names = ({thing.name for thing in things[i][frame.place]} for i, frame in frames)
-        vocabulary = vocabulary_of(names, (sentence for group in sentences for sentence in group))
+        paints = {thing.color: thing.rgb for i, frame in frames for thing in things[i][frame.place]}
+        vocabulary = vocabulary_of(names, (sentence for group in sentences for sentence in group), paints)
         batches = SceneBatches(mixture, things, vocabulary, args.batch, args.seed)
         nets = _fit(args, batches, vocabulary, [sorted(group) for group in sentences])
         if nets is None:

@@ -29,7 +29,7 @@ from cliport_policy.presence.scenes import QUESTIONS, SceneBatch, SceneBatches
 from cliport_policy.presence.sentence_net import Role, SentenceNet
 from cliport_policy.presence.sentences import draw_examples
 from cliport_policy.presence.stored import put_presence
-from cliport_policy.presence.vocabulary import Vocabulary, vocabulary_of
+from cliport_policy.presence.vocabulary import Vocabulary, shade_of, vocabulary_of
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 
@@ -40,7 +40,9 @@ SENTENCES = (
     "put the green blocks in a red bowl",
     "put the blue blocks in a green bowl",
 )
-KNOWN = Vocabulary(("block", "bowl"), ("blue", "green", "red"))
+COLORS = ("blue", "green", "red")
+SHADES = tuple(tuple(round(float(value), 4) for value in shade_of(RGB[color])) for color in COLORS)
+KNOWN = Vocabulary(("block", "bowl"), COLORS, SHADES)
 
 
 def _draw(scene: Heightmap, name: str, color: str, row: int, col: int) -> SeenThing:
@@ -85,7 +87,7 @@ def batches(data: Path) -> SceneBatches:
     """Return batches of 16 scenes of that data set."""
     mixture = Mixture([Source(load_demonstrations(data / "bowls"))])
     things = [read_listed_things(source.data) for source in mixture.sources]
-    assert vocabulary_of([{"block", "bowl"}], SENTENCES) == KNOWN
+    assert vocabulary_of([{"block", "bowl"}], SENTENCES, RGB) == KNOWN
     return SceneBatches(mixture, things, KNOWN, 16, 0)
 
 
@@ -186,11 +188,8 @@ def test_a_checkpoint_keeps_its_policy_and_gets_a_presence_network(
         assert heard.absent_probability == pytest.approx(expected, abs=0.05) and heard.action == alone.action
     after, card = load_checkpoint(path)
     assert all(torch.equal(before[name], after[name]) for name in before)
-    assert card.presence == {
-        "kinds": ["block", "bowl"],
-        "colors": ["blue", "green", "red"],
-        "made_by": {"command": "by hand"},
-    }
+    assert (card.presence["kinds"], card.presence["colors"]) == (["block", "bowl"], ["blue", "green", "red"])
+    assert card.presence["made_by"] == {"command": "by hand"} and len(card.presence["shades"]) == 3
     card_path = path.with_suffix(".json")
     values = json.loads(card_path.read_text())
     card_path.write_text(json.dumps({**values, "presence": {**card.presence, "kinds": ["block"]}}))

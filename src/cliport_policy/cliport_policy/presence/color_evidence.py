@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import lru_cache
 
 import torch
@@ -33,17 +34,16 @@ def term_maps(images: Tensor) -> Tensor:
 
 
 @torch.no_grad()
-def name_map(name: str, images: Tensor, terms: Tensor) -> Tensor:
-    """Return where the first scene shows the colour of a name of the survey: (H/2, W/2) in 0..1.
-
-    images: (1, 5, H, W). terms: (1, 12, H/2, W/2), of `term_maps`.
-    """
-    color = shade_told(name, ARM)
-    if color is None:
-        return terms[0, TERMS.index(name)]
+def shade_map(shade: Sequence[float], images: Tensor) -> Tensor:
+    """Return where the first of scenes (B, 5, H, W) shows what is nearest to scaled CIELAB: (H/2, W/2) in 0..1."""
     x = F.pixel_unshuffle(images, 2).float()
-    known = scaled_lab(torch.tensor(color))[None, None]
-    return nearest_shades(x, known)[0, 0].unflatten(0, x.shape[-2:])
+    return nearest_shades(x, torch.tensor(shade)[None, None])[0, 0].unflatten(0, x.shape[-2:])
+
+
+def surveyed_shade(name: str) -> list[float] | None:
+    """Return the scaled CIELAB of a name of the survey, None for a basic term."""
+    color = shade_told(name, ARM)
+    return None if color is None else [float(value) for value in scaled_lab(torch.tensor(color))]
 
 
 @lru_cache(maxsize=1)

@@ -12,9 +12,9 @@ from torch.nn import functional as F
 from cliport_policy.data.color_names import color_spans
 from cliport_policy.language import TextEncoder
 from cliport_policy.networks.joint.color_maps import shown_by_maps
-from cliport_policy.presence.color_evidence import TERMS, name_map, term_maps
+from cliport_policy.presence.color_evidence import TERMS, shade_map, surveyed_shade, term_maps
 from cliport_policy.presence.kinds import spoken
-from cliport_policy.presence.scene_net import SceneNet, evidence
+from cliport_policy.presence.scene_net import SceneNet, evidence, grayed
 from cliport_policy.presence.sentence_net import Role, SentenceNet
 from cliport_policy.presence.vocabulary import Vocabulary
 
@@ -61,27 +61,31 @@ class Presence:
         image: (1, 5, H, W), an observation. What it does not know for a kind it takes for present.
         """
         asked = self.meant(instruction.strip())
-        terms = term_maps(image)
-        maps = [[name_map(_term(color), image, terms) for color in role.colors] for role in asked]
-        if any(_term(color) not in TERMS for role in asked for color in role.colors):
+        maps = [[self._map(color, image) for color in role.colors] for role in asked]
+        colors = [color for role in asked for color in role.colors]
+        if any(surveyed_shade(color) for color in colors):
             image = _shown_in_gray(image, torch.stack([one for role in maps for one in role]))
-        features = self._scene.features(image.contiguous(memory_format=torch.channels_last))
+        by_shade = any(color not in TERMS or self.vocabulary.shade(color) for color in colors)
+        features = self._scene.features(grayed(image, torch.tensor([by_shade])))
         there = [(self._present(role, features, own), role) for role, own in zip(asked, maps, strict=True)]
         present, role = min(there, key=lambda one: one[0])
         known = min(sum(role.shares) for role in asked)
         return Missing(1.0 - present, spoken(self.vocabulary.kinds[role.kinds[0]], role.colors), known)
 
+    def _map(self, color: str, image: Tensor) -> Tensor:
+        """Return where a scene shows a colour: (H/2, W/2). A shade tells more than what the colour's name suits."""
+        shade = self.vocabulary.shade(color) or surveyed_shade(color)
+        return term_maps(image)[0, TERMS.index(color)] if shade is None else shade_map(shade, image)
+
     def _present(self, role: Meant, features: Tensor, maps: list[Tensor]) -> float:
         """Return how likely something is there that a role may mean; maps: where each of its colours is seen."""
-        numbers = [self.vocabulary.color(_term(color)) for color in role.colors] or [0]
-        each = len(numbers)
+        each = max(len(maps), 1)
         rows, cols = (2 * size for size in features.shape[-2:])
         seen = torch.stack(maps) if maps else features.new_zeros(1, rows, cols)
         kinds = torch.tensor(role.kinds)[None].repeat_interleave(each, dim=1)
-        colors = torch.tensor(numbers * len(role.kinds))[None]
-        any_color = torch.full_like(colors, not maps, dtype=torch.bool)
+        any_color = torch.full_like(kinds, not maps, dtype=torch.bool)
         asked = evidence(seen.repeat(len(role.kinds), 1, 1)[None], any_color)
-        logits = self._scene.score(features, asked, kinds, colors)
+        logits = self._scene.score(features, asked, kinds, torch.zeros_like(kinds))
         best = logits.flatten(2).amax(2).unflatten(1, (-1, each)).amax(2)[0].sigmoid()  # any of its colours will do
         known = torch.tensor(role.shares)
         return float((known * best).sum() + 1 - known.sum())
@@ -96,7 +100,7 @@ class Presence:
             inside = self._encoder.pieces.within(instruction, begin, end)[: roles.shape[1]]
             if inside.any():
                 role = int(roles[0, inside].softmax(-1).mean(0).argmax())
-                colors.get(role, []).append(instruction[begin:end].lower())
+                colors.get(role, []).append(_term(instruction[begin:end].lower()))
         pick, place = kinds[0].softmax(-1)
         return self._read(pick, colors[Role.PICK]), self._read(place, colors[Role.PLACE])
 

@@ -22,7 +22,7 @@ from cliport_policy.observation import stack_channels
 from cliport_policy.presence.color_evidence import TERMS
 from cliport_policy.presence.kinds import listed_kind
 from cliport_policy.presence.scene_net import STRIDE
-from cliport_policy.presence.vocabulary import Vocabulary
+from cliport_policy.presence.vocabulary import Vocabulary, shade_of
 
 QUESTIONS = 8  # about each scene
 _POSITIVE = 3  # of them about what is there
@@ -123,11 +123,9 @@ class SceneBatches(Dataset[SceneBatch]):
     def _seen(self, thing: ListedThing, names: set[str], motion: PlanarTransform, shape: tuple[int, int]) -> _Seen:
         row, col = motion.pixel(thing.pixel)
         inside = all(_MARGIN <= at < size - _MARGIN for at, size in zip((row, col), shape, strict=True))
-        channels = [(thing.rgb >> shift) & 0xFF for shift in (16, 8, 0)]
-        shade = lab(np.array([channels], np.float32))[0] / np.float32(LAB_SCALE)
         kind = self._vocabulary.kind(listed_kind(thing.name, names))
         cell = (int(row) // STRIDE, int(col) // STRIDE) if inside else None
-        return _Seen(kind, thing.color if thing.color in TERMS else "", shade, cell)
+        return _Seen(kind, thing.color if thing.color in TERMS else "", shade_of(thing.rgb), cell)
 
 
 class _Scene(NamedTuple):

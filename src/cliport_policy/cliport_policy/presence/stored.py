@@ -35,7 +35,12 @@ def put_presence(
     for prefix, net in ((_SCENE, scene), (_SENTENCE, sentence)):
         values = net.state_dict().items()
         tensors |= {prefix + name: value.half() if value.is_floating_point() else value for name, value in values}
-    known = {"kinds": list(vocabulary.kinds), "colors": list(vocabulary.colors), "made_by": made_by}
+    known = {
+        "kinds": list(vocabulary.kinds),
+        "colors": list(vocabulary.colors),
+        "shades": vocabulary.shades,
+        "made_by": made_by,
+    }
     save_checkpoint(path, tensors, replace(card, presence=known))
 
 
@@ -48,7 +53,8 @@ def load_presence(tensors: Mapping[str, Tensor], card: Card, encoder: TextEncode
     if not card.presence:
         return None
     try:
-        vocabulary = Vocabulary(tuple(card.presence["kinds"]), tuple(card.presence["colors"]))
+        shades = tuple(tuple(shade) for shade in card.presence["shades"])
+        vocabulary = Vocabulary(tuple(card.presence["kinds"]), tuple(card.presence["colors"]), shades)
         with blank_modules():
             scene = SceneNet(len(vocabulary.kinds), len(vocabulary.colors))
             sentence = SentenceNet(len(vocabulary.kinds))
