@@ -6,6 +6,7 @@ from enum import IntEnum
 
 import torch
 from torch import Tensor, nn
+from torch.nn import functional as F
 
 from cliport_policy.settings import TOKEN_DIM
 
@@ -43,5 +44,18 @@ class SentenceNet(nn.Module):
         """
         words = self.layer(self.project(tokens), src_key_padding_mask=~mask)
         questions = self.questions.expand(len(tokens), -1, -1)
-        answers, _ = self.attention(questions, words, words, key_padding_mask=~mask, need_weights=False)
+        answers = _attended(self.attention, questions, words, mask)
         return self.kind(answers + questions), self.role(words)
+
+
+def _attended(attention: nn.MultiheadAttention, questions: Tensor, words: Tensor, mask: Tensor) -> Tensor:
+    """Return what the module itself does (B, Q, D): its own checks import torch's compiler, which takes 100 MB."""
+    assert attention.in_proj_weight is not None and attention.in_proj_bias is not None
+    weights, biases = attention.in_proj_weight.chunk(3), attention.in_proj_bias.chunk(3)
+    query, key, value = (
+        F.linear(x, weight, bias).unflatten(-1, (_HEADS, -1)).transpose(1, 2)  # (B, N, D) -> (B, h, N, d)
+        for x, weight, bias in zip((questions, words, words), weights, biases, strict=True)
+    )
+    mixed = F.scaled_dot_product_attention(query, key, value, attn_mask=mask[:, None, None])
+    out: Tensor = attention.out_proj(mixed.transpose(1, 2).flatten(2))
+    return out
