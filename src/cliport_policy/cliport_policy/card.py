@@ -30,7 +30,8 @@ class Card:
     temperatures: divisors of the logits of `pick` and `place` for calibrated confidences; 1 if absent.
     done_bias: what is added to the log odds of "done" where a primitive would act, by the primitive's name, so that a
     probability of 0.5 parts what is done from what is not; 0 if absent.
-    presence: `kinds` and `colors` that the checkpoint's presence network knows, and `made_by`; empty if it has none.
+    presence: `kinds`, `colors` and their `shades` that the checkpoint's presence network knows, and `made_by`; empty if
+    it has none.
     primitive: the primitive of all demonstrations behind it; pick_place if the card does not say.
     min_similarity: an instruction whose sentence vector is less similar than this to every anchor is refused.
     """

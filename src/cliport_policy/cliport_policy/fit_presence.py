@@ -8,7 +8,7 @@ from __future__ import annotations
 import argparse
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,11 +20,12 @@ from cliport_core.source_state import source_state
 from cliport_policy.card import load_card, resolve_checkpoint
 from cliport_policy.data.demonstrations import CACHE_BYTES, load_demonstrations
 from cliport_policy.data.listed_things import read_listed_things
+from cliport_policy.data.loader import lost_workers_told, made_ahead
 from cliport_policy.data.mixture import Mixture, Source
 from cliport_policy.data.mixture_file import read_mixture
-from cliport_policy.errors import ConfigError, PolicyError
+from cliport_policy.errors import ConfigError, DataError, PolicyError
 from cliport_policy.language import shared_encoder
-from cliport_policy.presence.fit import ahead, fit_sentences, scene_optimizer, scene_step
+from cliport_policy.presence.fit import fit_sentences, scene_optimizer, scene_step
 from cliport_policy.presence.scene_net import SceneNet
 from cliport_policy.presence.scenes import SceneBatches
 from cliport_policy.presence.sentence_net import SentenceNet
@@ -34,6 +35,7 @@ from cliport_policy.presence.vocabulary import Vocabulary, vocabulary_of
 from cliport_policy.training.allocator import keep_freed_memory
 from cliport_policy.training.log import ProgressLine
 from cliport_policy.training.state import resume_state, save_state
+from cliport_policy.training.stopping import stop_on_signals
 from cliport_policy.training.trainer import Progress
 
 _SENTENCES, _SENTENCE_STEPS = 16_000, 3000
@@ -44,11 +46,14 @@ def main(argv: Sequence[str] | None = None) -> int:
     words = sys.argv[1:] if argv is None else list(argv)
     args = _parser().parse_args(words)
     keep_freed_memory()
+    stopped = stop_on_signals()
     try:
         _check(args)
         path = resolve_checkpoint(args.checkpoint)
-        load_card(path)
+        card = load_card(path)
         mixture = _mixture(args)
+        if mixture.workspace != card.workspace:
+            raise DataError(f"{args.data} has the workspace {mixture.workspace}, the checkpoint {card.workspace}")
         things = [read_listed_things(source.data) for source in mixture.sources]
         sentences = mixture.instructions_by_source()
         frames = [(i, frame) for i, source in enumerate(mixture.sources) for frame in source.data.frames]
@@ -56,7 +61,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         paints = {thing.color: thing.rgb for i, frame in frames for thing in things[i][frame.place]}
         vocabulary = vocabulary_of(names, (sentence for group in sentences for sentence in group), paints)
         batches = SceneBatches(mixture, things, vocabulary, args.batch, args.seed)
-        nets = _fit(args, batches, vocabulary, [sorted(group) for group in sentences])
+        with lost_workers_told():
+            nets = _fit(args, batches, vocabulary, [sorted(group) for group in sentences], lambda: bool(stopped))
         if nets is None:
             print(f"stopped; what was learned is in {args.out}: the same command goes on")
             return 130
@@ -75,7 +81,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--data", required=True, type=Path, metavar="DIR", help="folder of the mixture's data sets")
     parser.add_argument("--mixture", default="presence", help="name or YAML file (default presence)")
     parser.add_argument("--n-demos", type=int, default=100, help="episodes of each data set (default 100)")
-    parser.add_argument("--steps", type=int, default=3400, help="steps of scenes (default 3400)")
+    parser.add_argument("--steps", type=int, default=3200, help="steps of scenes (default 3200)")
     parser.add_argument("--batch", type=int, default=16, help="scenes a step (default 16)")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--save-minutes", type=float, default=2.0)
@@ -105,7 +111,11 @@ def _mixture(args: argparse.Namespace) -> Mixture:
 
 
 def _fit(
-    args: argparse.Namespace, batches: SceneBatches, vocabulary: Vocabulary, sentences: Sequence[Sequence[str]]
+    args: argparse.Namespace,
+    batches: SceneBatches,
+    vocabulary: Vocabulary,
+    sentences: Sequence[Sequence[str]],
+    is_stopped: Callable[[], bool],
 ) -> tuple[SceneNet, SentenceNet] | None:
     """Return both nets, learned; None if it was stopped on the way."""
     torch.manual_seed(args.seed)
@@ -115,28 +125,26 @@ def _fit(
     settings = {"data": str(args.data), "mixture": args.mixture, "n_demos": args.n_demos, "batch": args.batch}
     identity = {**settings, "seed": args.seed, "steps_of_schedule": args.steps, "kinds": list(vocabulary.kinds)}
     first = resume_state(args.out, parts, optimizer, identity)
-    step = first
-    try:
-        if not first:
-            examples = draw_examples(sentences, vocabulary, _SENTENCES, np.random.default_rng(args.seed))
-            loss = fit_sentences(sentence, examples, _SENTENCE_STEPS, args.seed, shared_encoder())
-            print(f"sentences: loss {loss:.3f}", flush=True)
-            save_state(args.out, parts, optimizer, 0, identity)
-        line, began = ProgressLine(sys.stderr), time.monotonic()
-        saved = began
-        for batch in ahead(batches, first, args.steps):
-            losses = scene_step(scene, optimizer, batch, step / args.steps)
-            step += 1
-            now = time.monotonic()
-            pace = (step - first) / (now - began)
-            rate, left = optimizer.param_groups[0]["lr"], (args.steps - step) / pace / 60
-            line(Progress(step, args.steps, losses, rate, args.batch * pace, left))
-            if now - saved >= 60 * args.save_minutes or step == args.steps:
-                saved = now
-                save_state(args.out, parts, optimizer, step, identity)
-    except KeyboardInterrupt:
-        save_state(args.out, parts, optimizer, step, identity)
-        return None
+    if not first:
+        examples = draw_examples(sentences, vocabulary, _SENTENCES, np.random.default_rng(args.seed))
+        loss = fit_sentences(sentence, examples, _SENTENCE_STEPS, args.seed, shared_encoder(), is_stopped)
+        if loss is None:
+            return None
+        print(f"sentences: loss {loss:.3f}", flush=True)
+    line, began = ProgressLine(sys.stderr), time.monotonic()
+    saved = began
+    steps = range(first, args.steps)
+    for step, batch in zip(steps, made_ahead(batches.batch, steps, workers=1), strict=True):
+        losses = scene_step(scene, optimizer, batch, step, args.steps)
+        done, now = step + 1, time.monotonic()
+        pace = (done - first) / (now - began)
+        rate, left = optimizer.param_groups[0]["lr"], (args.steps - done) / pace / 60
+        line(Progress(done, args.steps, losses, rate, args.batch * pace, left))
+        if is_stopped() or now - saved >= 60 * args.save_minutes or done == args.steps:
+            saved = now
+            save_state(args.out, parts, optimizer, done, identity)
+        if is_stopped() and done < args.steps:
+            return None
     return scene.eval(), sentence.eval()
 
 

@@ -29,6 +29,7 @@ from cliport_policy.named_colors import with_colors_alike
 from cliport_policy.networks.factory import compile_network, restore_network
 from cliport_policy.networks.policy_network import Goal, PolicyNetwork
 from cliport_policy.networks.rotation import bin_angles
+from cliport_policy.null_odds import absence, shifted
 from cliport_policy.observation import observation_tensor
 from cliport_policy.peaks import CellGrid, Peak, best_rotation
 from cliport_policy.presence.presence import Missing, Presence
@@ -41,9 +42,6 @@ _HARDLY_ALIKE = 0.02  # the same where the side is one of a thing's own
 _OUT = 30.0  # logits that put a place out
 _CANDIDATES = 3  # places at most that an aligner is asked about,
 _LEAST_SHARE = 0.05  # and after the first only those that are as likely as this
-_ABSENT_BIAS = -math.log(3)  # of the log odds of what a presence network says: it is believed from 0.75 on
-_FOUND = 0.1  # and where it has a lesser doubt than this, and knows all that is named, it alone is heard
-_KNOWN = 0.9
 _WARM_UP = "put the red blocks in the green bowl"
 
 
@@ -239,7 +237,7 @@ class Policy:
         primitive = self._primitive(scores.primitives)
         nulls = _mass(torch.cat((scores.picks, scores.nulls)))[len(scores.picks) :]
         pick_confidence, place_confidence = pick.confidence(pick_mass), place.confidence(place_mass.sum(0))
-        absent, missing = _absence(float(nulls[1]) if len(nulls) > 1 else 0.0, scores.missing)
+        absent, missing = absence(float(nulls[1]) if len(nulls) > 1 else 0.0, scores.missing)
         action = PickPlaceAction(
             pick=self._pose_at(pick.pixel, pick_yaw),
             place=self._pose_at(place.pixel, place_yaw),
@@ -252,7 +250,7 @@ class Policy:
             place_pixel=place.pixel,
             pick_confidence=pick_confidence,
             place_confidence=place_confidence,
-            done_probability=_shifted(float(nulls[0]), self.card.done_bias.get(primitive.label, 0.0)),
+            done_probability=shifted(float(nulls[0]), self.card.done_bias.get(primitive.label, 0.0)),
             maps=self._maps(pick_mass, place_mass.max(0)) if with_maps else None,
             absent_probability=absent,
             missing=missing,
@@ -307,25 +305,6 @@ def _mass(logits: Tensor, temperature: float = 1.0) -> NDArray[np.float32]:
     """Return the softmax over all of a tensor, in its shape."""
     mass: NDArray[np.float32] = F.softmax((logits / temperature).flatten(), dim=0).reshape(logits.shape).numpy()
     return mass
-
-
-def _absence(probability: float, missing: Missing | None) -> tuple[float, str]:
-    """Return how likely something named is not to be seen, and what, "" if it can't be told.
-
-    probability: the policy's own. Its null action takes scenes in another light for absence, a presence network none.
-    """
-    if missing is None:
-        return probability, ""
-    doubt = _shifted(missing.probability, _ABSENT_BIAS)
-    is_found = missing.probability < _FOUND and missing.known > _KNOWN
-    name = missing.name if missing.probability >= 0.5 else ""
-    return (doubt if is_found else max(doubt, probability)), name
-
-
-def _shifted(probability: float, bias: float) -> float:
-    """Return a probability whose log odds are changed by a bias."""
-    odds = probability * math.exp(bias)
-    return odds / (odds + 1.0 - probability)
 
 
 def load_policy(path_or_name: str | Path = "default", precision: str = "auto", compiled: bool = False) -> Policy:

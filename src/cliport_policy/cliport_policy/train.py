@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import logging
 import shlex
-import signal
 import sys
 import time
 from collections.abc import Callable, Sequence
@@ -30,6 +29,7 @@ from cliport_policy.training.distributed import Group, join_group
 from cliport_policy.training.log import EventLog, ProgressLine, affordance_picture
 from cliport_policy.training.options import TrainOptions, parse_options
 from cliport_policy.training.sample_sheet import sample_sheet
+from cliport_policy.training.stopping import stop_on_signals
 from cliport_policy.training.trainer import Progress, Trainer
 
 logger = logging.getLogger(__name__)
@@ -54,7 +54,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _train(options: TrainOptions, group: Group, argv: Sequence[str] | None) -> None:
     keep_freed_memory()
-    stopped = _stop_on_signals()
+    stopped = stop_on_signals()
     n_sets = len(options.data) + (options.val is not None)
     sources = [_source(entry, options, options.cache_bytes // n_sets) for entry in options.data]
     val = load_demonstrations(options.val, options.cache_bytes // n_sets) if options.val else None
@@ -128,14 +128,6 @@ def _run(
     on_save: Callable[[], None] = lambda: None,
 ) -> None:
     trainer.run(on_step, options.save_minutes, options.max_minutes, lambda: bool(stopped), options.keep_steps, on_save)
-
-
-def _stop_on_signals() -> list[int]:
-    """Return a list that SIGINT or SIGTERM appends to: training then saves and ends after the current step."""
-    received: list[int] = []
-    for name in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(name, lambda number, _frame: received.append(number))
-    return received
 
 
 if __name__ == "__main__":

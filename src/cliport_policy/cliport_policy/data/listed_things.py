@@ -43,6 +43,10 @@ def read_listed_things(data: DemonstrationSet) -> dict[Place, tuple[ListedThing,
                 f"{path} does not list the things on the table ({' '.join(str(error).split())[:120]}): generate the "
                 "data set again with this version"
             ) from error
+    if not any(found.values()):
+        raise DataError(
+            f"{data.folder} lists nothing on any table: generate the data set again, with this version and its tasks"
+        )
     return found
 
 

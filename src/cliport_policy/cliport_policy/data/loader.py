@@ -5,9 +5,9 @@ from __future__ import annotations
 import itertools
 import os
 import time
-from collections.abc import Generator, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import contextmanager
-from typing import NamedTuple
+from typing import Generic, NamedTuple, TypeVar
 
 import cv2
 import numpy as np
@@ -20,6 +20,8 @@ from cliport_policy.data.batches import Batch, Phrasebook, collate, make_sample
 from cliport_policy.data.mixture import Drawn, Mixture
 from cliport_policy.data.recolor import Recoloring
 from cliport_policy.errors import DataError, TrainingError
+
+T = TypeVar("T")
 
 WORKERS = min(8, len(os.sched_getaffinity(0)))  # of one process that trains
 _HEARD_WITHIN = 5.0  # s, from a worker's end to the signal that tells of it
@@ -68,23 +70,7 @@ class Loader:
         if not workers:
             yield from map(self.step, itertools.count(first))
             return
-        ahead = DataLoader(
-            _Ahead(self),
-            batch_size=None,
-            sampler=itertools.count(first),
-            num_workers=workers,
-            collate_fn=_as_it_is,
-            multiprocessing_context="fork",
-        )
-        threads = cv2.getNumThreads()
-        cv2.setNumThreads(1)  # before the workers begin, which share the cores: told later, one with a pool would hang
-        try:
-            for made in _as_torch_tells(iter(ahead)):
-                if isinstance(made, DataError):
-                    raise made
-                yield made
-        finally:
-            cv2.setNumThreads(threads)
+        yield from made_ahead(self.step, itertools.count(first), workers)
 
     def step(self, number: int) -> StepBatches:
         """Return this process's share of a step, in as many parts as gradients are accumulated over."""
@@ -112,6 +98,32 @@ class Loader:
         return collate(samples)
 
 
+def made_ahead(make: Callable[[int], T], numbers: Iterable[int], workers: int) -> Generator[T]:
+    """Yield what is made of numbers, in their order, by processes beside the one that asks.
+
+    Raises:
+        DataError: as `make` raises it.
+        RuntimeError: if a worker is gone; see `lost_workers_told`.
+    """
+    ahead = DataLoader(
+        _Ahead(make),
+        batch_size=None,
+        sampler=numbers,
+        num_workers=workers,
+        collate_fn=_as_it_is,
+        multiprocessing_context="fork",
+    )
+    threads = cv2.getNumThreads()
+    cv2.setNumThreads(1)  # before the workers begin, which share the cores: told later, one with a pool would hang
+    try:
+        for made in _as_torch_tells(iter(ahead)):
+            if isinstance(made, DataError):
+                raise made
+            yield made
+    finally:
+        cv2.setNumThreads(threads)
+
+
 @contextmanager
 def lost_workers_told() -> Iterator[None]:
     """Report in one line, as a TrainingError, that a process which made batches is gone."""
@@ -126,20 +138,20 @@ def lost_workers_told() -> Iterator[None]:
         ) from error
 
 
-class _Ahead(Dataset["StepBatches | DataError"]):
-    """Steps of a loader as its processes make them; an error is handed on as it is, in one line."""
+class _Ahead(Dataset["T | DataError"], Generic[T]):
+    """Things as processes make them; an error is handed on as it is, in one line."""
 
-    def __init__(self, loader: Loader) -> None:
-        self._loader = loader
+    def __init__(self, make: Callable[[int], T]) -> None:
+        self._make = make
 
-    def __getitem__(self, number: int) -> StepBatches | DataError:
+    def __getitem__(self, number: int) -> T | DataError:
         try:
-            return self._loader.step(number)
+            return self._make(number)
         except DataError as error:
             return error
 
 
-def _as_torch_tells(made: Iterator[StepBatches | DataError]) -> Iterator[StepBatches | DataError]:
+def _as_torch_tells(made: Iterator[T | DataError]) -> Iterator[T | DataError]:
     """Yield what is made; where a worker's end cuts a batch off, wait for torch's word of it, which says what it is.
 
     Torch hears of it by a signal a moment later, and raises then, wherever the training is.
@@ -151,5 +163,5 @@ def _as_torch_tells(made: Iterator[StepBatches | DataError]) -> Iterator[StepBat
         raise
 
 
-def _as_it_is(made: StepBatches | DataError) -> StepBatches | DataError:
+def _as_it_is(made: T) -> T:
     return made

@@ -34,10 +34,10 @@ def term_maps(images: Tensor) -> Tensor:
 
 
 @torch.no_grad()
-def shade_map(shade: Sequence[float], images: Tensor) -> Tensor:
-    """Return where the first of scenes (B, 5, H, W) shows what is nearest to scaled CIELAB: (H/2, W/2) in 0..1."""
-    x = F.pixel_unshuffle(images, 2).float()
-    return nearest_shades(x, torch.tensor(shade)[None, None])[0, 0].unflatten(0, x.shape[-2:])
+def shade_maps(shades: Sequence[Sequence[float]], image: Tensor) -> Tensor:
+    """Return where one scene (1, 5, H, W) shows what is nearest to each scaled CIELAB colour: (N, H/2, W/2) in 0..1."""
+    x = F.pixel_unshuffle(image, 2).float()
+    return nearest_shades(x, torch.tensor(shades)[None])[0].unflatten(1, x.shape[-2:])
 
 
 def surveyed_shade(name: str) -> list[float] | None:

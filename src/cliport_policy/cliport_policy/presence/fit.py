@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import torch
 from torch import Tensor
 from torch.nn import functional as F
 from torch.nn.utils.rnn import pad_sequence
-from torch.utils.data import DataLoader
 
 from cliport_policy.language import TextEncoder, padded
 from cliport_policy.networks.joint.color_maps import is_known, nearest_shades
 from cliport_policy.presence.color_evidence import term_maps
 from cliport_policy.presence.scene_net import SceneNet, evidence, grayed
-from cliport_policy.presence.scenes import SceneBatch, SceneBatches
+from cliport_policy.presence.scenes import SceneBatch
 from cliport_policy.presence.sentence_net import SentenceNet
 from cliport_policy.presence.sentences import Example
 
@@ -25,20 +24,28 @@ _SCENE_RATE, _LAST_RATE, _WARM_UP = 3e-3, 1e-5, 200
 _DECAY = 0.02
 _MOST_NORM = 2.0
 _KIND_WEIGHT = 0.3  # of what is told of each marked cell's kind
-_MOST_MARKS = 800
 _HARDEST = 4  # cells of a scene that are told that what was asked for is not there
 _NO_ROLE = -100  # label of tokens that are no colour's name
 _CHUNK = 64
 
 
-def fit_sentences(net: SentenceNet, examples: Sequence[Example], steps: int, seed: int, encoder: TextEncoder) -> float:
-    """Fit a net to sentences; return the mean loss of its last hundred steps."""
+def fit_sentences(
+    net: SentenceNet,
+    examples: Sequence[Example],
+    steps: int,
+    seed: int,
+    encoder: TextEncoder,
+    is_stopped: Callable[[], bool] = lambda: False,
+) -> float | None:
+    """Fit a net to sentences; return the mean loss of its last hundred steps, None if it was stopped before."""
     rng = np.random.default_rng(seed)
     tokens, roles = _embedded(examples, encoder)
     kinds = torch.tensor([(example.pick, example.place) for example in examples])
     optimizer = torch.optim.AdamW(net.parameters(), lr=_SENTENCE_RATE, weight_decay=_DECAY)
     losses = []
     for step in range(steps):
+        if is_stopped():
+            return None
         optimizer.param_groups[0]["lr"] = _SENTENCE_RATE * min(1.0, (step + 1) / 100) * (1 - step / steps)
         chosen = rng.integers(len(examples), size=_SENTENCE_BATCH)
         batch = padded([tokens[i] for i in chosen])
@@ -70,31 +77,17 @@ def _embedded(examples: Sequence[Example], encoder: TextEncoder) -> tuple[list[T
     return tokens, roles
 
 
-def ahead(batches: SceneBatches, first: int, steps: int) -> Iterator[SceneBatch]:
-    """Yield batches `first` to `steps`, made by a process beside the one that learns."""
-    yield from DataLoader(
-        batches,
-        batch_size=None,
-        sampler=range(first, steps),
-        num_workers=1,
-        collate_fn=_as_it_is,
-        multiprocessing_context="fork",
-    )
-
-
-def _as_it_is(batch: SceneBatch) -> SceneBatch:
-    return batch
-
-
 def scene_optimizer(net: SceneNet) -> torch.optim.Optimizer:
     """Return the optimiser of a net of scenes."""
     return torch.optim.AdamW(net.parameters(), lr=_SCENE_RATE, weight_decay=_DECAY)
 
 
-def scene_step(net: SceneNet, optimizer: torch.optim.Optimizer, batch: SceneBatch, done: float) -> dict[str, float]:
-    """Take one step by a batch; return its losses. done: share of the training behind it, 0..1."""
-    behind = int(next(iter(optimizer.state.values()))["step"]) if optimizer.state else 0
-    rate = _LAST_RATE + _SCENE_RATE * min(1.0, (behind + 1) / _WARM_UP) * 0.5 * (1 + math.cos(math.pi * done))
+def scene_step(
+    net: SceneNet, optimizer: torch.optim.Optimizer, batch: SceneBatch, step: int, steps: int
+) -> dict[str, float]:
+    """Take one of some steps, the first one being 0, by a batch; return its losses."""
+    falling = 0.5 * (1 + math.cos(math.pi * step / steps))
+    rate = _LAST_RATE + _SCENE_RATE * min(1.0, (step + 1) / _WARM_UP) * falling
     optimizer.param_groups[0]["lr"] = rate
     losses = scene_losses(net.train(), batch)
     optimizer.zero_grad()
@@ -114,12 +107,12 @@ def scene_losses(net: SceneNet, batch: SceneBatch) -> dict[str, Tensor]:
     near = F.max_pool2d(scores, 3, 1, 1)  # a mark may lie a cell beside what shows best
     at = near[scene, torch.arange(scores.shape[1])[None], batch.cells[..., 0], batch.cells[..., 1]]
     hardest = scores.flatten(2).topk(_HARDEST, dim=2).values[batch.asked & ~batch.present]
-    marks = batch.marks[torch.randperm(len(batch.marks))[:_MOST_MARKS]]
-    kinds = net.kind_head(features)[marks[:, 0], :, marks[:, 2], marks[:, 3]]
+    scenes, marked, rows, cols = batch.marks.unbind(1)
+    kinds = net.kind_head(features)[scenes, :, rows, cols]
     return {
         "there": _mean(F.softplus(-at[batch.present])),
         "not there": _mean(F.softplus(hardest)),
-        "kinds": _KIND_WEIGHT * _mean(F.cross_entropy(kinds, marks[:, 1], reduction="none")),
+        "kinds": _KIND_WEIGHT * _mean(F.cross_entropy(kinds, marked, reduction="none")),
     }
 
 

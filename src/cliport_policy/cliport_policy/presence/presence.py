@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -12,7 +13,7 @@ from torch.nn import functional as F
 from cliport_policy.data.color_names import color_spans
 from cliport_policy.language import TextEncoder
 from cliport_policy.networks.joint.color_maps import shown_by_maps
-from cliport_policy.presence.color_evidence import TERMS, shade_map, surveyed_shade, term_maps
+from cliport_policy.presence.color_evidence import TERMS, shade_maps, surveyed_shade, term_maps
 from cliport_policy.presence.kinds import spoken
 from cliport_policy.presence.scene_net import SceneNet, evidence, grayed
 from cliport_policy.presence.sentence_net import Role, SentenceNet
@@ -43,7 +44,7 @@ class Missing(NamedTuple):
 
     probability: float
     name: str
-    known: float = 1.0
+    known: float
 
 
 class Presence:
@@ -61,21 +62,19 @@ class Presence:
         image: (1, 5, H, W), an observation. What it does not know for a kind it takes for present.
         """
         asked = self.meant(instruction.strip())
-        maps = [[self._map(color, image) for color in role.colors] for role in asked]
-        colors = [color for role in asked for color in role.colors]
-        if any(surveyed_shade(color) for color in colors):
-            image = _shown_in_gray(image, torch.stack([one for role in maps for one in role]))
-        by_shade = any(color not in TERMS or self.vocabulary.shade(color) for color in colors)
-        features = self._scene.features(grayed(image, torch.tensor([by_shade])))
-        there = [(self._present(role, features, own), role) for role, own in zip(asked, maps, strict=True)]
+        shades = {color: self._shade(color) for role in asked for color in role.colors}
+        maps = _maps(shades, image)
+        if any(color not in TERMS for color in shades):
+            image = _shown_in_gray(image, torch.stack(list(maps.values())))
+        features = self._scene.features(grayed(image, torch.tensor([any(shades.values())])))
+        there = [(self._present(role, features, [maps[color] for color in role.colors]), role) for role in asked]
         present, role = min(there, key=lambda one: one[0])
         known = min(sum(role.shares) for role in asked)
         return Missing(1.0 - present, spoken(self.vocabulary.kinds[role.kinds[0]], role.colors), known)
 
-    def _map(self, color: str, image: Tensor) -> Tensor:
-        """Return where a scene shows a colour: (H/2, W/2). A shade tells more than what the colour's name suits."""
-        shade = self.vocabulary.shade(color) or surveyed_shade(color)
-        return term_maps(image)[0, TERMS.index(color)] if shade is None else shade_map(shade, image)
+    def _shade(self, color: str) -> Sequence[float] | None:
+        """Return a colour's scaled CIELAB, None for a basic term that no demonstration names."""
+        return self.vocabulary.shade(color) or surveyed_shade(color)
 
     def _present(self, role: Meant, features: Tensor, maps: list[Tensor]) -> float:
         """Return how likely something is there that a role may mean; maps: where each of its colours is seen."""
@@ -95,18 +94,28 @@ class Presence:
         """Return what an instruction means to have picked, and where it is to be placed."""
         tokens, mask = self._encoder.encode([instruction])
         kinds, roles = self._sentence(tokens, mask)
-        colors: dict[int, list[str]] = {Role.PICK: [], Role.PLACE: []}
+        colors: dict[Role, list[str]] = {role: [] for role in Role}
         for begin, end in color_spans(instruction):
             inside = self._encoder.pieces.within(instruction, begin, end)[: roles.shape[1]]
             if inside.any():
-                role = int(roles[0, inside].softmax(-1).mean(0).argmax())
-                colors.get(role, []).append(_term(instruction[begin:end].lower()))
+                role = Role(int(roles[0, inside].softmax(-1).mean(0).argmax()))
+                colors[role].append(_term(instruction[begin:end].lower()))
         pick, place = kinds[0].softmax(-1)
         return self._read(pick, colors[Role.PICK]), self._read(place, colors[Role.PLACE])
 
     def _read(self, shares: Tensor, colors: list[str]) -> Meant:
         best = shares[:-1].topk(min(_READINGS, len(shares) - 1))
         return Meant(tuple(best.indices.tolist()), tuple(best.values.tolist()), tuple(colors))
+
+
+def _maps(shades: Mapping[str, Sequence[float] | None], image: Tensor) -> dict[str, Tensor]:
+    """Return where a scene shows each colour, (H/2, W/2) in 0..1: by its shade, which tells more, or by its name."""
+    known = {color: shade for color, shade in shades.items() if shade is not None}
+    maps = dict(zip(known, shade_maps(list(known.values()), image), strict=True)) if known else {}
+    if len(maps) < len(shades):
+        terms = term_maps(image)[0]
+        maps |= {color: terms[TERMS.index(color)] for color in shades if color not in known}
+    return maps
 
 
 def _shown_in_gray(image: Tensor, maps: Tensor) -> Tensor:

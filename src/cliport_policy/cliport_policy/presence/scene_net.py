@@ -86,15 +86,16 @@ class SceneNet(nn.Module):
 def evidence(maps: Tensor, any_color: Tensor) -> Tensor:
     """Return how much of a colour is in and around each cell: (B, Q, 6, h, w).
 
-    maps: (B, Q, 2 h, 2 w) in 0..1, of where the colour is seen. any_color: (B, Q) bool, no colour was asked for.
+    maps: (B, Q, H/2, W/2) in 0..1, of where the colour is seen. any_color: (B, Q) bool, no colour was asked for.
     """
-    mean = F.avg_pool2d(maps, 2)
+    mean = F.avg_pool2d(maps, 2, ceil_mode=True)
+    most = F.max_pool2d(maps, 2, ceil_mode=True)
     parts = (
         mean,
-        F.max_pool2d(maps, 2),
+        most,
         F.avg_pool2d(mean, _NEAR, 1, _NEAR // 2),
         F.avg_pool2d(mean, _WIDE, 1, _WIDE // 2),
-        F.max_pool2d(F.max_pool2d(maps, 2), _AROUND, 1, _AROUND // 2),
+        F.max_pool2d(most, _AROUND, 1, _AROUND // 2),
     )
     free = any_color[:, :, None, None].to(maps.dtype).expand_as(mean)
     return torch.stack((*(part * (1 - free) for part in parts), free), dim=2)

@@ -10,7 +10,6 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor
-from torch.utils.data import Dataset
 
 from cliport_policy.data.augmentation import PlanarTransform, draw_transform, jitter_height, warp
 from cliport_policy.data.color_names import lab
@@ -36,6 +35,7 @@ _TURN_DEG, _LITTLE_TURN_DEG, _SHIFT_PX = 40.0, 8.0, 10.0
 _MARGIN = 3  # pixels from the border within which a thing is not asked for
 _LIGHT, _CAST, _OFFSET = 0.1, 0.04, 6.0  # spreads of exposure, white balance and black level
 _TRIES = 200
+_MARKS = 50  # things of a scene, at most, of which the kind is told
 
 
 class SceneBatch(NamedTuple):
@@ -78,7 +78,7 @@ class _Question(NamedTuple):
     cell: tuple[int, int] | None = None  # where it lies; None if it is not there
 
 
-class SceneBatches(Dataset[SceneBatch]):
+class SceneBatches:
     """Batches of a mixture's scenes by their number: the same whenever and in whichever process one is made."""
 
     def __init__(
@@ -94,7 +94,7 @@ class SceneBatches(Dataset[SceneBatch]):
         self._things = {str(s.data.folder): each for s, each in zip(mixture.sources, things, strict=True)}
         self._kinds_beside = {folder: sorted(set(self._kinds(each))) for folder, each in self._things.items()}
 
-    def __getitem__(self, number: int) -> SceneBatch:
+    def batch(self, number: int) -> SceneBatch:
         """Return a batch. Raises DataError where a scene can't be read."""
         chosen = self._mixture.draw(self._batch, np.random.default_rng((self._seed, number)))
         return _stacked([self._scene(int(i), (self._seed, number, p)) for p, i in enumerate(chosen)], self._vocabulary)
@@ -118,7 +118,9 @@ class SceneBatches(Dataset[SceneBatch]):
         by_shade = bool(rng.random() < _SHADES)
         kinds = self._kinds_beside[folder]
         questions = list(_questions(seen, kinds, len(self._vocabulary.kinds), by_shade, rng))
-        return _Scene(image, seen, questions, by_shade or bool(rng.random() < _GRAY), rng.random(QUESTIONS))
+        gray, luck = by_shade or bool(rng.random() < _GRAY), rng.random(QUESTIONS)
+        marked = [seen[i] for i in rng.permutation(len(seen))[:_MARKS]]
+        return _Scene(image, marked, questions, gray, luck)
 
     def _seen(self, thing: ListedThing, names: set[str], motion: PlanarTransform, shape: tuple[int, int]) -> _Seen:
         row, col = motion.pixel(thing.pixel)
@@ -130,7 +132,7 @@ class SceneBatches(Dataset[SceneBatch]):
 
 class _Scene(NamedTuple):
     image: NDArray[np.float32]
-    seen: list[_Seen]
+    marked: list[_Seen]
     questions: list[_Question]
     gray: bool
     luck: NDArray[np.float64]  # of each question, whether its colour's number is kept back
@@ -230,7 +232,7 @@ def _stacked(scenes: Sequence[_Scene], vocabulary: Vocabulary) -> SceneBatch:
     present, asked, cells = np.zeros(size, np.bool_), np.zeros(size, np.bool_), np.zeros((*size, 2), np.int64)
     marks = []
     for number, scene in enumerate(scenes):
-        marks += [(number, thing.kind, *thing.cell) for thing in scene.seen if thing.cell is not None]
+        marks += [(number, thing.kind, *thing.cell) for thing in scene.marked if thing.cell is not None]
         for at, question in enumerate(scene.questions):
             kinds[number, at], asked[number, at] = question.kind, True
             if question.color:

@@ -23,7 +23,7 @@ class Vocabulary:
 
     kinds: tuple[str, ...]
     colors: tuple[str, ...]
-    shades: tuple[tuple[float, ...], ...] = ()
+    shades: tuple[tuple[float, ...], ...]
 
     @property
     def unknown(self) -> int:
@@ -36,7 +36,7 @@ class Vocabulary:
 
     def shade(self, name: str) -> tuple[float, ...] | None:
         """Return a colour's shade, None for another colour than those that are known."""
-        return self.shades[self.colors.index(name)] if name in self.colors and self.shades else None
+        return self.shades[self.colors.index(name)] if name in self.colors else None
 
     def color(self, name: str) -> int:
         """Return a colour's number from 1 on, 0 for another."""
