@@ -24,9 +24,8 @@ COMMANDS: dict[str, dict[str, set[str]]] = {
     "demo_tool": {"app": set(), "episodes": set()},
     "cliport_policy": {
         **{name: set() for name in ("server", "offline", "fit_color_words")},
-        **dict.fromkeys(
-            ("train", "dataset", "learn", "lerobot", "calibrate", "reliability", "explain", "fit_presence"), TRAIN
-        ),
+        **dict.fromkeys(("train", "dataset", "learn", "lerobot", "calibrate", "reliability", "explain"), TRAIN),
+        **dict.fromkeys(("fit_presence", "fit_shapes"), TRAIN),
     },
     "sim_bridge": {"sim": SIMULATE},
     "panda_driver": {"driver": DRIVER, "conformance": set(), "record_run": set()},

@@ -3,7 +3,7 @@ from xml.etree import ElementTree
 from setuptools import find_packages, setup
 
 package_name = "cliport_policy"
-_DATA = ["configs/*.yaml", "mixtures/*.yaml", "data/*.yaml", "color_heads/*.safetensors"]
+_DATA = ["configs/*.yaml", "mixtures/*.yaml", "data/*.yaml", "color_heads/*.safetensors", "shapes/*.safetensors"]
 
 setup(
     name=package_name,
@@ -27,6 +27,7 @@ setup(
             "explain = cliport_policy.explain:main",
             "fit_color_words = cliport_policy.color_words:main",
             "fit_presence = cliport_policy.fit_presence:main",
+            "fit_shapes = cliport_policy.fit_shapes:main",
             "learn = cliport_policy.learn:main",
             "lerobot = cliport_policy.lerobot:main",
             "offline = cliport_policy.offline:main",

@@ -11,7 +11,8 @@ from cliport_policy.settings import TOKEN_DIM, channel_counts, check_choice, che
 CONTEXT_HEADS = 4  # of the attention among cells
 COLOR_WORDS = ("none", "strict", "open")
 COLOR_READING = ("tokens", "names")
-REREAD = frozenset({"color_reading", "gray_share", "reads_sides"})  # what a trained network may change on its way
+# what a trained network may change on its way
+REREAD = frozenset({"color_reading", "gray_share", "reads_sides", "reads_shapes"})
 
 
 @dataclass(frozen=True)
@@ -34,6 +35,9 @@ class JointConfig:
     chooses_primitive: True predicts the primitive; otherwise it is that of the demonstrations.
     reads_sides: True takes, of places that are alike, the one at the side that the sentence names ("the left hole"), by
     a rule; otherwise a word for a side is one like all others. It changes nothing in training.
+    reads_shapes: True leads picks to things that have the outline of a letter, a digit or a figure which the sentence
+    names, where a presence network tells what is to be picked; in the arm `open` alone, since what such names mean is told
+    from outside. It changes nothing in training.
     aligner: True scores the likeliest places and the rotations there on crops around both; otherwise the correlation
     decides alone, as in checkpoints whose cards do not say.
     """
@@ -54,6 +58,7 @@ class JointConfig:
     null_actions: int = 2
     chooses_primitive: bool = True
     reads_sides: bool = False
+    reads_shapes: bool = False
     aligner: bool = False
 
     def __post_init__(self) -> None:
@@ -76,6 +81,11 @@ class JointConfig:
                 f"null_actions={self.null_actions} must be 1 or 2, context_layers={self.context_layers} 0 or more, "
                 f"gray_share={self.gray_share} in 0..1"
             )
+
+    @property
+    def knows_shapes(self) -> bool:
+        """True if it is told what named shapes look like."""
+        return self.reads_shapes and self.color_words == "open"
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values, with the kind, ready for JSON."""

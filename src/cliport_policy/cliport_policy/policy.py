@@ -29,11 +29,13 @@ from cliport_policy.named_colors import with_colors_alike
 from cliport_policy.networks.factory import compile_network, restore_network
 from cliport_policy.networks.policy_network import Goal, PolicyNetwork
 from cliport_policy.networks.rotation import bin_angles
-from cliport_policy.null_odds import absence, shifted
+from cliport_policy.null_odds import absence
 from cliport_policy.observation import observation_tensor
+from cliport_policy.odds import shifted
 from cliport_policy.peaks import CellGrid, Peak, best_rotation
 from cliport_policy.presence.presence import Missing, Presence
 from cliport_policy.presence.stored import load_presence
+from cliport_policy.shapes.reader import Outlined, led_picks
 from cliport_policy.sides import Side, at_own_side, at_side, own_side_named, side_named
 
 _MOST_ALIKE = 6  # places among which a side may be named,
@@ -140,38 +142,39 @@ class Policy:
         rows, cols = self.workspace.shape
         color, height = np.full((rows, cols, 3), 128, np.uint8), np.zeros((rows, cols), np.float32)
         empty = Heightmap(color, height, np.ones((rows, cols), np.bool_), self.workspace)
-        scores = self._score(empty, _WARM_UP, empty if self.needs_goal_image else None)
-        self._decide(self._with_absence(scores, empty, _WARM_UP), with_maps=True)
+        self._decide(self._score(empty, _WARM_UP, empty if self.needs_goal_image else None), with_maps=True)
 
     def score(self, observation: Heightmap, instruction: str, goal: Heightmap | None = None) -> Scores:
         """Return the network's logits for an observation. Raises the errors of `infer`."""
         self.check_instruction(instruction)
-        return self._with_absence(self._score(observation, instruction, goal), observation, instruction)
+        return self._score(observation, instruction, goal)
 
-    def _with_absence(self, scores: Scores, observation: Heightmap, instruction: str) -> Scores:
-        if self._presence is None:
-            return scores
-        return scores._replace(missing=self._presence.missing(self._tensor(observation), instruction))
+    def _score(self, observation: Heightmap, instruction: str, goal: Heightmap | None) -> Scores:
+        image = self._tensor(observation)
+        look = self._presence.look(image, instruction) if self._presence else None
+        scores = self._score_image(image, instruction, self._goal_tensor(goal), look.outlined if look else None)
+        return scores._replace(missing=look.missing if look else None)
 
     @torch.inference_mode()
-    def _score(self, observation: Heightmap, instruction: str, goal: Heightmap | None) -> Scores:
+    def _score_image(self, image: Tensor, instruction: str, goal: Tensor | None, outlined: Outlined | None) -> Scores:
         network = self._network
-        aim = network.encode_goal([instruction.strip()], self._goal_tensor(goal))
+        aim = network.encode_goal([instruction.strip()], goal)
         reads_sides = getattr(self.card.network, "reads_sides", False)
         side = side_named(instruction) if reads_sides else None
         with torch.autocast("cpu", torch.bfloat16, enabled=network.acts_in_bfloat16):
-            scores = self._score_goal(self._tensor(observation), aim, side)
+            scores = self._score_goal(image, aim, side, outlined)
         own = own_side_named(instruction) if reads_sides else None
         if own is None:
             return scores
-        front, back = (self._score(observation, sentence, goal).places for sentence in (own.front, own.back))
+        front, back = (self._score_image(image, words, goal, outlined).places for words in (own.front, own.back))
         return scores._replace(places=self._at_own_side(own.side, front, back, scores.places))
 
-    def _score_goal(self, image: Tensor, goal: Goal, side: Side | None) -> Scores:
+    def _score_goal(self, image: Tensor, goal: Goal, side: Side | None, outlined: Outlined | None) -> Scores:
         network = self._network
         aim = network.look(image, goal)
         scores = network.score_picks(image, aim)[0].float()
         picks, nulls = scores[: -network.n_null], scores[-network.n_null :]
+        picks = led_picks(picks.reshape(self.grid.shape), outlined).flatten()
         pick = self.grid.peak(_mass(picks).reshape(self.grid.shape))
         pixel = torch.tensor([pick.pixel], dtype=torch.float32)
         yaws, places = network.score_rotations(image, aim, pixel)
@@ -237,7 +240,8 @@ class Policy:
         primitive = self._primitive(scores.primitives)
         nulls = _mass(torch.cat((scores.picks, scores.nulls)))[len(scores.picks) :]
         pick_confidence, place_confidence = pick.confidence(pick_mass), place.confidence(place_mass.sum(0))
-        absent, missing = absence(float(nulls[1]) if len(nulls) > 1 else 0.0, scores.missing)
+        done = shifted(float(nulls[0]), self.card.done_bias.get(primitive.label, 0.0))
+        absent, missing = absence(float(nulls[1]) if len(nulls) > 1 else 0.0, scores.missing, done)
         action = PickPlaceAction(
             pick=self._pose_at(pick.pixel, pick_yaw),
             place=self._pose_at(place.pixel, place_yaw),
@@ -250,7 +254,7 @@ class Policy:
             place_pixel=place.pixel,
             pick_confidence=pick_confidence,
             place_confidence=place_confidence,
-            done_probability=shifted(float(nulls[0]), self.card.done_bias.get(primitive.label, 0.0)),
+            done_probability=done,
             maps=self._maps(pick_mass, place_mass.max(0)) if with_maps else None,
             absent_probability=absent,
             missing=missing,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from typing import NamedTuple
@@ -13,14 +14,18 @@ from torch.nn import functional as F
 from cliport_policy.data.color_names import color_spans
 from cliport_policy.language import TextEncoder
 from cliport_policy.networks.joint.color_maps import shown_by_maps
+from cliport_policy.odds import shifted
 from cliport_policy.presence.color_evidence import TERMS, shade_maps, surveyed_shade, term_maps
 from cliport_policy.presence.kinds import spoken
 from cliport_policy.presence.scene_net import SceneNet, evidence, grayed
 from cliport_policy.presence.sentence_net import Role, SentenceNet
 from cliport_policy.presence.vocabulary import Vocabulary
+from cliport_policy.shapes.names import SHAPES, shape_named
+from cliport_policy.shapes.reader import Outlined, ShapeReader
 
 _READINGS = 3  # kinds of one role that are asked about, the likeliest ones
 _REMEMBERED = 256  # sentences
+_OUTLINE_BIAS = math.log(10)  # of the log odds of an outline's share: from 1 in 30 on the thing may be there
 
 
 class Meant(NamedTuple):
@@ -39,38 +44,103 @@ class Missing(NamedTuple):
     """The thing that is least likely there, of those that a sentence names.
 
     probability: how likely it is not to be seen, 0..1. name: what people call it, such as "purple bowl". known: how
-    sure it is that all that is named is of known kinds, 0..1.
+    sure it is that all that is named is of known kinds, 0..1. is_outline: True where it was looked for by its outline.
     """
 
     probability: float
     name: str
     known: float
+    is_outline: bool = False
+
+
+class Look(NamedTuple):
+    """Result of a look at a scene for what a sentence names.
+
+    outlined: things that may be picked, by their outlines; None where the sentence names no outline.
+    """
+
+    missing: Missing
+    outlined: Outlined | None
+
+
+class _Answer(NamedTuple):
+    """How likely something is there that a sentence names, 0..1, and the fields of Missing."""
+
+    present: float
+    name: str
+    known: float
+    is_outline: bool = False
 
 
 class Presence:
-    """Two nets and what their numbers mean."""
+    """Two nets and what their numbers mean, and a reader of outlines for shapes that no demonstration holds."""
 
-    def __init__(self, vocabulary: Vocabulary, encoder: TextEncoder, scene: SceneNet, sentence: SentenceNet) -> None:
-        self.vocabulary, self._encoder = vocabulary, encoder
+    def __init__(
+        self,
+        vocabulary: Vocabulary,
+        encoder: TextEncoder,
+        scene: SceneNet,
+        sentence: SentenceNet,
+        shapes: ShapeReader | None = None,
+    ) -> None:
+        self.vocabulary, self._encoder, self._shapes = vocabulary, encoder, shapes
         self._scene, self._sentence = scene.eval(), sentence.eval()
         self.meant = lru_cache(_REMEMBERED)(self._meant)
 
     @torch.inference_mode()
-    def missing(self, image: Tensor, instruction: str) -> Missing:
-        """Return which of the things that an instruction names is least likely in a scene.
+    def look(self, image: Tensor, instruction: str) -> Look:
+        """Return which of the things that an instruction names is least likely in a scene, and what has its outline.
 
         image: (1, 5, H, W), an observation. What it does not know for a kind it takes for present.
         """
         asked = self.meant(instruction.strip())
         shades = {color: self._shade(color) for role in asked for color in role.colors}
         maps = _maps(shades, image)
+        outlined = self._outlined(image, instruction, asked[0], maps)
         if any(color not in TERMS for color in shades):
             image = _shown_in_gray(image, torch.stack(list(maps.values())))
         features = self._scene.features(grayed(image, torch.tensor([any(shades.values())])))
-        there = [(self._present(role, features, [maps[color] for color in role.colors]), role) for role in asked]
-        present, role = min(there, key=lambda one: one[0])
-        known = min(sum(role.shares) for role in asked)
-        return Missing(1.0 - present, spoken(self.vocabulary.kinds[role.kinds[0]], role.colors), known)
+        there = [self._answer(role, features, maps) for role in asked]
+        if outlined is not None:
+            there[0] = self._by_outline(instruction, asked[0], outlined, there[0])
+        least = min(there, key=lambda answer: answer.present)
+        known = min(answer.known for answer in there)
+        return Look(Missing(1.0 - least.present, least.name, known, least.is_outline), outlined)
+
+    def _outlined(self, image: Tensor, instruction: str, pick: Meant, maps: Mapping[str, Tensor]) -> Outlined | None:
+        """Return the things of the outline and of the colours that are to be picked; None if no outline is named."""
+        named = shape_named(instruction) if self._shapes is not None else None
+        if self._shapes is None or named is None or self._is_other(pick):
+            return None
+        outlined = self._shapes.look(image, named.name)
+        if not pick.colors or not len(outlined.shares):
+            return outlined
+        seen = torch.stack([maps[color] for color in pick.colors]).amax(0)
+        inside = F.avg_pool2d(outlined.cells.float(), outlined.cells.shape[-1] // seen.shape[-1])
+        whole = inside.floor()  # colours at its edge are mixed with the table's
+        inside = torch.where(whole.sum((1, 2), keepdim=True) > 0, whole, inside)
+        return outlined._replace(shares=outlined.shares * (inside * seen).sum((1, 2)) / inside.sum((1, 2)))
+
+    def _is_other(self, pick: Meant) -> bool:
+        """Return True if what is to be picked is of a known kind that is no shape: the name is of something else."""
+        known = zip(pick.kinds, pick.shares, strict=True)
+        return sum(share for kind, share in known if self._shape(kind) not in SHAPES) >= 0.5
+
+    def _shape(self, kind: int) -> str:
+        """Return a kind as SHAPES call it, should it be one of them."""
+        return self.vocabulary.kinds[kind].removesuffix(" shape")
+
+    def _answer(self, role: Meant, features: Tensor, maps: Mapping[str, Tensor]) -> _Answer:
+        present = self._present(role, features, [maps[color] for color in role.colors])
+        return _Answer(present, spoken(self.vocabulary.kinds[role.kinds[0]], role.colors), sum(role.shares))
+
+    def _by_outline(self, instruction: str, pick: Meant, outlined: Outlined, answer: _Answer) -> _Answer:
+        """Return the answer about what is to be picked, by its outline, and by its kind, too, where that is known."""
+        named, present = shape_named(instruction), shifted(outlined.most(), _OUTLINE_BIAS)
+        name = named.name if named else ""
+        if self._shape(pick.kinds[0]) == name and answer.present >= present:
+            return answer
+        return _Answer(present, spoken(name, pick.colors), 1.0, is_outline=True)
 
     def _shade(self, color: str) -> Sequence[float] | None:
         """Return a colour's scaled CIELAB, None for a basic term that no demonstration names."""
@@ -95,10 +165,14 @@ class Presence:
         tokens, mask = self._encoder.encode([instruction])
         kinds, roles = self._sentence(tokens, mask)
         colors: dict[Role, list[str]] = {role: [] for role in Role}
+        named = shape_named(instruction)
+        shapes = named.begins if named else ()  # a colour before a shape's name is its own
         for begin, end in color_spans(instruction):
             inside = self._encoder.pieces.within(instruction, begin, end)[: roles.shape[1]]
             if inside.any():
                 role = Role(int(roles[0, inside].softmax(-1).mean(0).argmax()))
+                if role is Role.NEITHER and end + 1 in shapes:
+                    role = Role.PICK
                 colors[role].append(_term(instruction[begin:end].lower()))
         pick, place = kinds[0].softmax(-1)
         return self._read(pick, colors[Role.PICK]), self._read(place, colors[Role.PLACE])

@@ -18,6 +18,8 @@ from cliport_policy.presence.presence import Presence
 from cliport_policy.presence.scene_net import SceneNet
 from cliport_policy.presence.sentence_net import SentenceNet
 from cliport_policy.presence.vocabulary import Vocabulary
+from cliport_policy.shapes.outline_net import load_outline_net
+from cliport_policy.shapes.reader import ShapeReader
 
 _SCENE, _SENTENCE = f"{PRESENCE}scene.", f"{PRESENCE}sentence."
 
@@ -66,4 +68,6 @@ def load_presence(tensors: Mapping[str, Tensor], card: Card, encoder: TextEncode
         raise CheckpointError(
             f"the presence network of checkpoint {path} does not fit its card ({reason}): restore it or fit it again"
         ) from error
-    return Presence(vocabulary, encoder, scene.requires_grad_(False), sentence.requires_grad_(False))
+    knows_shapes = getattr(card.network, "knows_shapes", False)
+    shapes = ShapeReader(load_outline_net(), card.workspace.pixel_size) if knows_shapes else None
+    return Presence(vocabulary, encoder, scene.requires_grad_(False), sentence.requires_grad_(False), shapes)

@@ -1,0 +1,1 @@
+"""Named shapes: what a sentence calls one, and which things on the table have its outline."""
