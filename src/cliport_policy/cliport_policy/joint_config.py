@@ -36,7 +36,7 @@ class JointConfig:
     reads_sides: True takes, of places that are alike, the one at the side that the sentence names ("the left hole"), by
     a rule; otherwise a word for a side is one like all others. It changes nothing in training.
     reads_shapes: True leads picks to things that have the outline of a letter, a digit or a figure which the sentence
-    names, where a presence network tells what is to be picked; in the arm `open` alone, since what such names mean is told
+    names, where a presence network tells what is to be picked; in the arm `open` alone, for what they mean is told
     from outside. It changes nothing in training.
     aligner: True scores the likeliest places and the rotations there on crops around both; otherwise the correlation
     decides alone, as in checkpoints whose cards do not say.
