@@ -12,6 +12,7 @@ from cliport_core.heightmap import Heightmap
 from cliport_core.workspace import WorkspaceSpec
 from cliport_policy.card import resolve_checkpoint
 from cliport_policy.checkpoint import load_checkpoint
+from cliport_policy.data.phrasings import reword
 from cliport_policy.errors import CheckpointError
 from cliport_policy.fit_shapes import main
 from cliport_policy.inference import NullAction
@@ -21,7 +22,7 @@ from cliport_policy.policy import Policy, load_policy
 from cliport_policy.presence.stored import load_presence
 from cliport_policy.shapes import drawings
 from cliport_policy.shapes.fit import DrawnBatches, share_right
-from cliport_policy.shapes.names import SHAPES, shape_named
+from cliport_policy.shapes.names import SHAPES, shape_to_pick
 from cliport_policy.shapes.outline_net import OutlineNet, load_outline_net, save_outline_net
 from cliport_policy.shapes.reader import Outlined, led_picks
 from cliport_policy.shapes.silhouettes import SIDE, picture_of, silhouettes
@@ -41,18 +42,36 @@ RGB = ((225, 87, 89), (78, 121, 167), (89, 161, 79), (237, 201, 72))
         ("pack the number seven shape in the brown box", "number 7"), ("pack the digit 4", "number 4"),
         ("put the gray heart in the left heart hole", "heart"), ("pack the hexagons", "hexagon"),
         ("put the rhombus in the diamond hole", "diamond"), ("put the half moon in the box", "crescent"),
-        ("put the star on the square", None), ("pack the starfish in the brown box", None),
+        ("put the star on the square", "star"), ("put the mug on the star", None), ("put it in the star hole", None),
+        ("push the pile of red blocks into the green square", None), ("the star and the heart go into the box", None),
+        ("cover the left heart hole with the pink heart", "heart"), ("we have to put the heart away", "heart"),
+        ("pack the starfish in the brown box", None),
         ("put the red blocks in a green bowl", None), ("pack the number eleven", None), ("", None),
     ],
 )  # fmt: skip
 def test_a_sentence_names_a_shape(sentence: str, name: str | None) -> None:
-    found = shape_named(sentence)
+    found = shape_to_pick(sentence)
     assert (found and found.name) == name and (name is None or name in SHAPES)
 
 
 def test_a_shape_is_named_where_its_words_begin() -> None:
     sentence = "put the red letter K shape in the letter K hole"
-    assert shape_named(sentence) == ("letter K", (sentence.index("letter"), sentence.rindex("letter")))
+    assert shape_to_pick(sentence) == ("letter K", (sentence.index("letter"),))
+
+
+@pytest.mark.parametrize(
+    ("sentence", "name"),
+    [
+        ("put the red letter M shape in the left letter M shape hole", "letter M"),
+        ("put the red heart in the heart hole", "heart"), ("pack the hexagon in the brown box", "hexagon"),
+    ],
+)  # fmt: skip
+def test_every_wording_of_a_sentence_names_the_shape_to_pick(sentence: str, name: str) -> None:
+    rng = np.random.default_rng(0)
+    wordings = {wording for _ in range(300) if name in (wording := reword(sentence, rng) or "")}
+    assert len(wordings) > 20, "some leave the shape out"
+    unheard = [wording for wording in wordings if (shape_to_pick(wording) or ("", ()))[0] != name]
+    assert not unheard
 
 
 def _cells(name: str, pixels: int = 20) -> np.ndarray:

@@ -20,7 +20,7 @@ from cliport_policy.presence.kinds import spoken
 from cliport_policy.presence.scene_net import SceneNet, evidence, grayed
 from cliport_policy.presence.sentence_net import Role, SentenceNet
 from cliport_policy.presence.vocabulary import Vocabulary
-from cliport_policy.shapes.names import SHAPES, shape_named
+from cliport_policy.shapes.names import SHAPES, shape_to_pick
 from cliport_policy.shapes.reader import Outlined, ShapeReader
 
 _READINGS = 3  # kinds of one role that are asked about, the likeliest ones
@@ -32,12 +32,13 @@ class Meant(NamedTuple):
     """Reading of what a sentence has picked, or of what it is placed at.
 
     kinds: numbers of the likeliest kinds that are known. shares: how likely each is; what is left is not known.
-    colors: names of its colours, any of which will do, none if there are none.
+    colors: names of its colours, any of which will do, none if there are none. shape: one of SHAPES, "" if it is none.
     """
 
     kinds: tuple[int, ...]
     shares: tuple[float, ...]
     colors: tuple[str, ...]
+    shape: str = ""
 
 
 class Missing(NamedTuple):
@@ -93,26 +94,25 @@ class Presence:
 
         image: (1, 5, H, W), an observation. What it does not know for a kind it takes for present.
         """
-        asked = self.meant(instruction.strip())
+        asked = pick, _ = self.meant(instruction.strip())
         shades = {color: self._shade(color) for role in asked for color in role.colors}
         maps = _maps(shades, image)
-        outlined = self._outlined(image, instruction, asked[0], maps)
+        outlined = self._outlined(image, pick, maps)
         if any(color not in TERMS for color in shades):
             image = _shown_in_gray(image, torch.stack(list(maps.values())))
         features = self._scene.features(grayed(image, torch.tensor([any(shades.values())])))
         there = [self._answer(role, features, maps) for role in asked]
         if outlined is not None:
-            there[0] = self._by_outline(instruction, asked[0], outlined, there[0])
+            there[0] = self._by_outline(pick, outlined, there[0])
         least = min(there, key=lambda answer: answer.present)
         known = min(answer.known for answer in there)
         return Look(Missing(1.0 - least.present, least.name, known, least.is_outline), outlined)
 
-    def _outlined(self, image: Tensor, instruction: str, pick: Meant, maps: Mapping[str, Tensor]) -> Outlined | None:
+    def _outlined(self, image: Tensor, pick: Meant, maps: Mapping[str, Tensor]) -> Outlined | None:
         """Return the things of the outline and of the colours that are to be picked; None if no outline is named."""
-        named = shape_named(instruction) if self._shapes is not None else None
-        if self._shapes is None or named is None or self._is_other(pick):
+        if self._shapes is None or not pick.shape:
             return None
-        outlined = self._shapes.look(image, named.name)
+        outlined = self._shapes.look(image, pick.shape)
         if not pick.colors or not len(outlined.shares):
             return outlined
         seen = torch.stack([maps[color] for color in pick.colors]).amax(0)
@@ -120,11 +120,6 @@ class Presence:
         whole = inside.floor()  # colours at its edge are mixed with the table's
         inside = torch.where(whole.sum((1, 2), keepdim=True) > 0, whole, inside)
         return outlined._replace(shares=outlined.shares * (inside * seen).sum((1, 2)) / inside.sum((1, 2)))
-
-    def _is_other(self, pick: Meant) -> bool:
-        """Return True if what is to be picked is of a known kind that is no shape: the name is of something else."""
-        known = zip(pick.kinds, pick.shares, strict=True)
-        return sum(share for kind, share in known if self._shape(kind) not in SHAPES) >= 0.5
 
     def _shape(self, kind: int) -> str:
         """Return a kind as SHAPES call it, should it be one of them."""
@@ -134,13 +129,12 @@ class Presence:
         present = self._present(role, features, [maps[color] for color in role.colors])
         return _Answer(present, spoken(self.vocabulary.kinds[role.kinds[0]], role.colors), sum(role.shares))
 
-    def _by_outline(self, instruction: str, pick: Meant, outlined: Outlined, answer: _Answer) -> _Answer:
+    def _by_outline(self, pick: Meant, outlined: Outlined, answer: _Answer) -> _Answer:
         """Return the answer about what is to be picked, by its outline, and by its kind, too, where that is known."""
-        named, present = shape_named(instruction), shifted(outlined.most(), _OUTLINE_BIAS)
-        name = named.name if named else ""
-        if self._shape(pick.kinds[0]) == name and answer.present >= present:
+        present = shifted(outlined.most(), _OUTLINE_BIAS)
+        if self._shape(pick.kinds[0]) == pick.shape and answer.present >= present:
             return answer
-        return _Answer(present, spoken(name, pick.colors), 1.0, is_outline=True)
+        return _Answer(present, spoken(pick.shape, pick.colors), 1.0, is_outline=True)
 
     def _shade(self, color: str) -> Sequence[float] | None:
         """Return a colour's scaled CIELAB, None for a basic term that no demonstration names."""
@@ -165,17 +159,23 @@ class Presence:
         tokens, mask = self._encoder.encode([instruction])
         kinds, roles = self._sentence(tokens, mask)
         colors: dict[Role, list[str]] = {role: [] for role in Role}
-        named = shape_named(instruction)
-        shapes = named.begins if named else ()  # a colour before a shape's name is its own
+        shape = shape_to_pick(instruction)
+        begins = shape.begins if shape else ()  # a colour before a shape's name is its own
         for begin, end in color_spans(instruction):
             inside = self._encoder.pieces.within(instruction, begin, end)[: roles.shape[1]]
             if inside.any():
                 role = Role(int(roles[0, inside].softmax(-1).mean(0).argmax()))
-                if role is Role.NEITHER and end + 1 in shapes:
+                if role is Role.NEITHER and end + 1 in begins:
                     role = Role.PICK
                 colors[role].append(_term(instruction[begin:end].lower()))
         pick, place = kinds[0].softmax(-1)
-        return self._read(pick, colors[Role.PICK]), self._read(place, colors[Role.PLACE])
+        picked, placed = self._read(pick, colors[Role.PICK]), self._read(place, colors[Role.PLACE])
+        return picked._replace(shape=shape.name if shape and not self._is_other(picked) else ""), placed
+
+    def _is_other(self, pick: Meant) -> bool:
+        """Return True if what is to be picked is of a known kind that is no shape: the name is of something else."""
+        known = zip(pick.kinds, pick.shares, strict=True)
+        return sum(share for kind, share in known if self._shape(kind) not in SHAPES) >= 0.5
 
     def _read(self, shares: Tensor, colors: list[str]) -> Meant:
         best = shares[:-1].topk(min(_READINGS, len(shares) - 1))

@@ -21,6 +21,12 @@ _SYNONYMS = {
 _NUMERALS = ("zero", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine")
 _LETTER = re.compile(r"\b(?:[Ll]etter|[Cc]apital) ([A-Za-z])\b|\b([A-Za-z])-shaped?\b|\b([B-HJ-Z]) shaped?\b")
 _NUMBER = re.compile(rf"\b(?:number|digit|numeral) ([0-9]|{'|'.join(_NUMERALS)})\b", re.IGNORECASE)
+_HOLE = re.compile(r"(?: shape)? hole", re.IGNORECASE)
+_WHERE = re.compile(
+    r"\b(?:in|into|inside|on|onto|upon|over|under|to|towards?|at|by|near|beside|next to)"
+    r" (?:the|a|an|this|that) (?:[\w-]+ ){0,2}$",
+    re.IGNORECASE,
+)  # before what is a place
 _FIGURE = re.compile(rf"\b({'|'.join((*FIGURES, *_SYNONYMS))})(?:e?s)?\b", re.IGNORECASE)
 
 
@@ -31,14 +37,23 @@ class ShapeName(NamedTuple):
     begins: tuple[int, ...]
 
 
-def shape_named(sentence: str) -> ShapeName | None:
-    """Return which of SHAPES a sentence names; None where it names none, or several."""
-    found = [(f"letter {match[match.lastindex or 0].upper()}", match.start()) for match in _LETTER.finditer(sentence)]
-    found += [(f"number {_digit(match[1].lower())}", match.start()) for match in _NUMBER.finditer(sentence)]
-    figures = ((match[1].lower(), match.start()) for match in _FIGURE.finditer(sentence))
-    found += [(_SYNONYMS.get(name, name), begin) for name, begin in figures]
-    names = {name for name, _ in found}
-    return ShapeName(names.pop(), tuple(begin for _, begin in found)) if len(names) == 1 else None
+def shape_to_pick(sentence: str) -> ShapeName | None:
+    """Return which of SHAPES a sentence wants to have picked; None where it names none, or several.
+
+    A hole is none, nor is what something is to be put on or in: "the star" of "put the mug on the star".
+    """
+    found = [(f"letter {match[match.lastindex or 0].upper()}", match) for match in _LETTER.finditer(sentence)]
+    found += [(f"number {_digit(match[1].lower())}", match) for match in _NUMBER.finditer(sentence)]
+    figures = ((match[1].lower(), match) for match in _FIGURE.finditer(sentence))
+    found += [(_SYNONYMS.get(name, name), match) for name, match in figures]
+    picked = [(name, match.start()) for name, match in found if not _is_place(sentence, match)]
+    names = {name for name, _ in picked}
+    return ShapeName(names.pop(), tuple(begin for _, begin in picked)) if len(names) == 1 else None
+
+
+def _is_place(sentence: str, match: re.Match[str]) -> bool:
+    behind = sentence[match.end() :]
+    return _HOLE.match(behind) is not None or _WHERE.search(sentence[: match.start()]) is not None
 
 
 def _digit(word: str) -> str:
