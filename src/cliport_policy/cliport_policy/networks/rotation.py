@@ -48,11 +48,13 @@ def rotated_windows(maps: Tensor, centers: Tensor, angles: Tensor, side: int, ce
     """
     batch, channels, height, width = maps.shape
     n = angles.shape[1]
-    offsets = window_offsets(side, angles, cells)  # (B, R, side, side, 2)
+    size = torch.tensor((2 / width, 2 / height), device=maps.device)  # of a cell, where a map is 2 wide and 2 high
     each = centers if centers.dim() == 3 else centers[:, None]
-    col = each[..., 1, None, None] + offsets[..., 0]
-    row = each[..., 0, None, None] + offsets[..., 1]
-    grid = torch.stack(((2 * col + 1) / width - 1, (2 * row + 1) / height - 1), dim=-1)
+    middles = ((each.flip(-1) + 0.5) * size - 1)[:, :, None, None]  # (B, R or 1, 1, 1, 2)
+    cos, sin = torch.cos(angles), torch.sin(angles)
+    along_u, along_v = (torch.stack(turned, -1)[:, :, None, None] * size for turned in ((cos, sin), (-sin, cos)))
+    u, v = (straight_cells(side, maps.device) if cells is None else cells[:, None]).split(1, -1)
+    grid = torch.addcmul(torch.addcmul(middles, u, along_u), v, along_v)  # (B, R, side, side, 2)
     windows = F.grid_sample(
         maps,
         grid.reshape(batch, n * side, side, 2).to(maps.dtype),
