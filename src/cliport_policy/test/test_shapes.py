@@ -42,6 +42,8 @@ RGB = ((225, 87, 89), (78, 121, 167), (89, 161, 79), (237, 201, 72))
         ("pack the number seven shape in the brown box", "number 7"), ("pack the digit 4", "number 4"),
         ("put the gray heart in the left heart hole", "heart"), ("pack the hexagons", "hexagon"),
         ("put the rhombus in the diamond hole", "diamond"), ("put the half moon in the box", "crescent"),
+        ("pack the flower pot in the brown box", None), ("pack the cross-head screwdriver", None),
+        ("pack the star-shaped cookie", "star"), ("the heart, please", "heart"), ("pack the ring binder", None),
         ("put the star on the square", "star"), ("put the mug on the star", None), ("put it in the star hole", None),
         ("push the pile of red blocks into the green square", None), ("the star and the heart go into the box", None),
         ("cover the left heart hole with the pink heart", "heart"), ("we have to put the heart away", "heart"),

@@ -27,7 +27,19 @@ _WHERE = re.compile(
     r" (?:the|a|an|this|that) (?:[\w-]+ ){0,2}$",
     re.IGNORECASE,
 )  # before what is a place
-_FIGURE = re.compile(rf"\b({'|'.join((*FIGURES, *_SYNONYMS))})(?:e?s)?\b", re.IGNORECASE)
+# After a figure's name: "the star goes there", but not "the star anise", nor "the flower pot".
+_AFTER_NOUNS = (
+    "shape", "shaped", "piece", "part", "block", "thing", "object", "one", "figure", "in", "into", "inside", "to",
+    "on", "onto", "at", "by", "from", "with", "for", "near", "over", "under", "up", "down", "out", "off", "away",
+    "and", "or", "but", "is", "are", "be", "was", "has", "have", "goes", "go", "gets", "should", "must", "can",
+    "could", "will", "would", "needs", "belongs", "fits", "sits", "rests", "rest", "lies", "that", "which",
+    "where", "there", "here", "sit", "fit", "lie", "stay", "end", "please", "now", "then", "next", "set", "put",
+    "placed", "packed", "stowed", "dropped", "moved", "pushed", "it", "its", "hole",
+)  # fmt: skip
+_FIGURE = re.compile(
+    rf"\b({'|'.join((*FIGURES, *_SYNONYMS))})(?:e?s)?\b(?!-(?!shape)| (?!(?:{'|'.join(_AFTER_NOUNS)})\b))",
+    re.IGNORECASE,
+)
 
 
 class ShapeName(NamedTuple):
