@@ -8,7 +8,7 @@ from pathlib import Path
 import torch
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import save_file
-from torch import Tensor
+from torch import Tensor, nn
 
 from cliport_policy.card import Card, load_card
 from cliport_policy.errors import CheckpointError
@@ -22,6 +22,12 @@ PRESENCE = "presence."  # prefix of the tensors of a presence network, which is 
 def network_tensors(tensors: Mapping[str, Tensor]) -> dict[str, Tensor]:
     """Return the tensors of a checkpoint that are its policy network's weights."""
     return {name: tensors[name] for name in tensors if name != ANCHORS and not name.startswith(PRESENCE)}
+
+
+def halved(module: nn.Module) -> dict[str, Tensor]:
+    """Return a module's state as it is shipped: numbers with fractions in half precision."""
+    values = module.state_dict().items()
+    return {name: value.half().contiguous() if value.is_floating_point() else value for name, value in values}
 
 
 def save_checkpoint(path: Path, tensors: dict[str, Tensor], card: Card) -> None:

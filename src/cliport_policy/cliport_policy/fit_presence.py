@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import argparse
 import sys
-import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -20,10 +19,10 @@ from cliport_core.source_state import source_state
 from cliport_policy.card import load_card, resolve_checkpoint
 from cliport_policy.data.demonstrations import CACHE_BYTES, load_demonstrations
 from cliport_policy.data.listed_things import read_listed_things
-from cliport_policy.data.loader import lost_workers_told, made_ahead
+from cliport_policy.data.loader import lost_workers_told
 from cliport_policy.data.mixture import Mixture, Source
 from cliport_policy.data.mixture_file import read_mixture
-from cliport_policy.errors import ConfigError, DataError, PolicyError
+from cliport_policy.errors import DataError, PolicyError
 from cliport_policy.language import shared_encoder
 from cliport_policy.presence.fit import fit_sentences, scene_optimizer, scene_step
 from cliport_policy.presence.scene_net import SceneNet
@@ -32,11 +31,11 @@ from cliport_policy.presence.sentence_net import SentenceNet
 from cliport_policy.presence.sentences import draw_examples
 from cliport_policy.presence.stored import put_presence
 from cliport_policy.presence.vocabulary import Vocabulary, vocabulary_of
+from cliport_policy.settings import check_least
 from cliport_policy.training.allocator import keep_freed_memory
-from cliport_policy.training.log import ProgressLine
 from cliport_policy.training.state import resume_state, save_state
+from cliport_policy.training.steps import Schedule, take_steps
 from cliport_policy.training.stopping import stop_on_signals
-from cliport_policy.training.trainer import Progress
 
 _SENTENCES, _SENTENCE_STEPS = 16_000, 3000
 
@@ -98,8 +97,7 @@ def _check(args: argparse.Namespace) -> None:
         ("--seed", args.seed, 0),
         ("--save-minutes", args.save_minutes, 0),
     ):
-        if not value >= least:
-            raise ConfigError(f"{name} is {value}: give {least} or more")
+        check_least(name, value, least)
 
 
 def _mixture(args: argparse.Namespace) -> Mixture:
@@ -131,21 +129,15 @@ def _fit(
         if loss is None:
             return None
         print(f"sentences: loss {loss:.3f}", flush=True)
-    line, began = ProgressLine(sys.stderr), time.monotonic()
-    saved = began
-    steps = range(first, args.steps)
-    for step, batch in zip(steps, made_ahead(batches.batch, steps, workers=1), strict=True):
-        losses = scene_step(scene, optimizer, batch, step, args.steps)
-        done, now = step + 1, time.monotonic()
-        pace = (done - first) / (now - began)
-        rate, left = optimizer.param_groups[0]["lr"], (args.steps - done) / pace / 60
-        line(Progress(done, args.steps, losses, rate, args.batch * pace, left))
-        if is_stopped() or now - saved >= 60 * args.save_minutes or done == args.steps:
-            saved = now
-            save_state(args.out, parts, optimizer, done, identity)
-        if is_stopped() and done < args.steps:
-            return None
-    return scene.eval(), sentence.eval()
+    done = take_steps(
+        Schedule(first, args.steps, args.batch, 60 * args.save_minutes),
+        batches.batch,
+        lambda step, batch: scene_step(scene, optimizer, batch, step, args.steps),
+        optimizer,
+        lambda behind: save_state(args.out, parts, optimizer, behind, identity),
+        is_stopped,
+    )
+    return (scene.eval(), sentence.eval()) if done else None
 
 
 if __name__ == "__main__":

@@ -6,21 +6,20 @@ It learns from Matplotlib's fonts and from drawn figures; no scene and no demons
 from __future__ import annotations
 
 import sys
-import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import torch
 
 from cliport_core.command_line import CommandParser
-from cliport_policy.data.loader import lost_workers_told, made_ahead
-from cliport_policy.errors import ConfigError, PolicyError
+from cliport_policy.data.loader import lost_workers_told
+from cliport_policy.errors import PolicyError
+from cliport_policy.settings import check_least
 from cliport_policy.shapes.fit import DrawnBatches, outline_optimizer, outline_step, share_right
 from cliport_policy.shapes.outline_net import OUTLINES, OutlineNet, save_outline_net
-from cliport_policy.training.log import ProgressLine
 from cliport_policy.training.state import resume_state, save_state
+from cliport_policy.training.steps import Schedule, take_steps
 from cliport_policy.training.stopping import stop_on_signals
-from cliport_policy.training.trainer import Progress
 
 _BATCH = 128
 _SAVE_SECONDS = 60.0
@@ -31,16 +30,15 @@ _ASKED = 16  # batches
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command; return the exit status."""
     parser = CommandParser(prog="fit_shapes", description="Teach the network of outlines what named shapes look like.")
-    parser.add_argument("--steps", type=int, default=3000, help=f"steps of {_BATCH} drawings (default 3000)")
+    parser.add_argument("--steps", type=int, default=4000, help=f"steps of {_BATCH} drawings (default 4000)")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--out", type=Path, default=OUTLINES, help="file of the weights (default the shipped one)")
     parser.add_argument("--state", required=True, type=Path, help="folder of what is learned, to go on from")
     args = parser.parse_args(argv)
     stopped = stop_on_signals()
     try:
-        for name, value, least in (("--steps", args.steps, 1), ("--seed", args.seed, 0)):
-            if value < least:
-                raise ConfigError(f"{name} is {value}: give {least} or more")
+        check_least("--steps", args.steps, 1)
+        check_least("--seed", args.seed, 0)
         batches = DrawnBatches(_BATCH, args.seed)
         with lost_workers_told():
             net = _fit(batches, args.steps, args.state, lambda: bool(stopped))
@@ -63,19 +61,15 @@ def _fit(batches: DrawnBatches, steps: int, folder: Path, is_stopped: Callable[[
     optimizer = outline_optimizer(net)
     identity = {"batch": batches.size, "seed": batches.seed, "steps_of_schedule": steps}
     first = resume_state(folder, {"outlines": net}, optimizer, identity)
-    line, began = ProgressLine(sys.stderr), time.monotonic()
-    saved, ahead = began, range(first, steps)
-    for step, batch in zip(ahead, made_ahead(batches.batch, ahead, workers=1), strict=True):
-        loss, done, now = outline_step(net, optimizer, batch, step, steps), step + 1, time.monotonic()
-        pace = (done - first) / (now - began)
-        left = (steps - done) / pace / 60
-        line(Progress(done, steps, {"loss": loss}, optimizer.param_groups[0]["lr"], batches.size * pace, left))
-        if is_stopped() or now - saved >= _SAVE_SECONDS or done == steps:
-            saved = now
-            save_state(folder, {"outlines": net}, optimizer, done, identity)
-        if is_stopped() and done < steps:
-            return None
-    return net.eval()
+    done = take_steps(
+        Schedule(first, steps, batches.size, _SAVE_SECONDS),
+        batches.batch,
+        lambda step, batch: {"loss": outline_step(net, optimizer, batch, step, steps)},
+        optimizer,
+        lambda behind: save_state(folder, {"outlines": net}, optimizer, behind, identity),
+        is_stopped,
+    )
+    return net.eval() if done else None
 
 
 if __name__ == "__main__":

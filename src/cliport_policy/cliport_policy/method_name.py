@@ -27,8 +27,9 @@ def method_name(name: str, network: AnyNetworkConfig) -> str:
     """Return what tables call a network that was made from the config `name` and runs as `network`.
 
     `cliport_rotator[EfficientNet-Lite0+MiniLM]` has other frozen encoders than its config asks for,
-    `transporter[yaw 0]` has no rotator, `multi[open]` was told all colour names of the survey, `multi[strict]` those
-    without the unseen words, and `compact[changed]` is not what the shipped config of that name says.
+    `transporter[yaw 0]` has no rotator, `multi[open]` was told all colour names of the survey and, where its card says
+    `reads_shapes`, what named shapes look like, `multi[strict]` the names without the unseen words, and
+    `compact[changed]` is not what the shipped config of that name says.
     """
     remarks = []
     if replaced := replaced_encoders(name, network):

@@ -36,6 +36,12 @@ def check_choice(value: object, valid: Iterable[str], where: str) -> None:
         raise ConfigError(f"{where} can't be '{value}': {did_you_mean(value, valid)}")
 
 
+def check_least(name: str, value: float, least: float) -> None:
+    """Raise ConfigError if an option's value is below the least that it can be, or is no number."""
+    if not value >= least:
+        raise ConfigError(f"{name} is {value}: give {least} or more")
+
+
 def check_types(config: Any, where: str) -> None:
     """Raise ConfigError if a plain field (bool, int, float, str) of a dataclass holds another type."""
     kinds: dict[str, tuple[type, ...]] = {"bool": (bool,), "int": (int,), "float": (int, float), "str": (str,)}

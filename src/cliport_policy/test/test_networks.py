@@ -40,6 +40,16 @@ def test_a_stretched_window_shows_the_map_along_its_own_axes() -> None:
     )
 
 
+def test_each_image_has_windows_of_its_own_place_turn_and_cells() -> None:
+    generator = torch.Generator().manual_seed(0)
+    maps, centers = torch.rand(3, 2, 40, 30, generator=generator), 30 * torch.rand(3, 4, 2, generator=generator)
+    angles, cells = 6 * torch.rand(3, 4, generator=generator), 9 * torch.randn(3, 7, 7, 2, generator=generator)
+    together = rotated_windows(maps, centers, angles, 7, cells)
+    each = [rotated_windows(*(one[None] for one in ones), 7, own[None])[0]  # type: ignore[misc]
+            for *ones, own in zip(maps, centers, angles, cells, strict=True)]  # fmt: skip
+    torch.testing.assert_close(together, torch.stack(each))
+
+
 def test_window_outside_the_map_is_zero() -> None:
     windows = rotated_windows(torch.ones(1, 2, 20, 20), torch.tensor([[0.0, 0.0]]), torch.zeros(1, 1), 9)
     assert windows.shape == (1, 1, 2, 9, 9)

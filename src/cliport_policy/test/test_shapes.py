@@ -169,6 +169,18 @@ def test_a_shape_of_the_wrong_color_is_missing(policy: Policy) -> None:
     assert policy.infer(scene, "pack the yellow letter K shape in the brown box").missing == "yellow letter K"
 
 
+@pytest.mark.parametrize(("by_kind", "is_outline"), [(1.0, False), (0.3, True)])
+def test_a_known_shape_is_found_by_its_kind_or_by_its_outline(
+    policy: Policy, monkeypatch: pytest.MonkeyPatch, by_kind: float, is_outline: bool
+) -> None:
+    """A ring is known as one of Hanoi's: what is found by either is not missing."""
+    assert policy._presence is not None and "ring" in policy.card.presence["kinds"]
+    monkeypatch.setattr(policy._presence, "_present", lambda role, *_: by_kind if role.shape else 1.0)
+    scene, _ = _table(("ring", "letter K"))
+    missing = policy._presence.look(policy._tensor(scene), "move the red ring to the middle of the stand").missing
+    assert missing.is_outline == is_outline and missing.probability < 0.1
+
+
 def test_only_a_policy_that_reads_shapes_looks_for_them(policy: Policy) -> None:
     assert policy._presence is not None and policy._presence._shapes is not None
     scene, _ = _table(("letter K", "letter S", "number 4"))

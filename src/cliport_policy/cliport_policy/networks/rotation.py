@@ -27,13 +27,12 @@ def straight_cells(side: int, device: torch.device | None = None) -> Tensor:
     return torch.stack((u, v), dim=-1)
 
 
-def window_offsets(side: int, angles: Tensor, cells: Tensor | None = None) -> Tensor:
+def window_offsets(side: int, angles: Tensor) -> Tensor:
     """Return the offsets of a side x side window's cells when the window is turned by each angle.
 
     angles: (..., R) rad -> (..., R, side, side, 2) offsets (column, row) from the window's centre, in cells.
-    cells: (..., side, side, 2) offsets of a window that is not turned; those of a straight grid where there are none.
     """
-    u, v = (straight_cells(side, angles.device) if cells is None else cells[..., None, :, :, :]).unbind(-1)
+    u, v = straight_cells(side, angles.device).unbind(-1)
     cos = torch.cos(angles)[..., None, None]
     sin = torch.sin(angles)[..., None, None]
     return torch.stack((u * cos - v * sin, u * sin + v * cos), dim=-1)
@@ -44,7 +43,7 @@ def rotated_windows(maps: Tensor, centers: Tensor, angles: Tensor, side: int, ce
 
     maps: (B, C, H, W); centers: (B, 2), or (B, R, 2) one for each angle, float (row, col) in cells; angles: (B, R) rad
     -> (B, R, C, side, side). A window turned by the yaw of an object shows that object unrotated.
-    cells: (B, side, side, 2), as window_offsets takes them.
+    cells: (B, side, side, 2), offsets of a window's cells that is not turned, a straight grid's where there are none.
     """
     batch, channels, height, width = maps.shape
     n = angles.shape[1]

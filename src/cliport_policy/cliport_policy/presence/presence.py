@@ -42,7 +42,7 @@ class Meant(NamedTuple):
 
 
 class Missing(NamedTuple):
-    """The thing that is least likely there, of those that a sentence names.
+    """A thing that a sentence names, the one that is least likely there.
 
     probability: how likely it is not to be seen, 0..1. name: what people call it, such as "purple bowl". known: how
     sure it is that all that is named is of known kinds, 0..1. is_outline: True where it was looked for by its outline.
@@ -62,15 +62,6 @@ class Look(NamedTuple):
 
     missing: Missing
     outlined: Outlined | None
-
-
-class _Answer(NamedTuple):
-    """How likely something is there that a sentence names, 0..1, and the fields of Missing."""
-
-    present: float
-    name: str
-    known: float
-    is_outline: bool = False
 
 
 class Presence:
@@ -101,12 +92,11 @@ class Presence:
         if any(color not in TERMS for color in shades):
             image = _shown_in_gray(image, torch.stack(list(maps.values())))
         features = self._scene.features(grayed(image, torch.tensor([any(shades.values())])))
-        there = [self._answer(role, features, maps) for role in asked]
+        there = [self._by_kind(role, features, maps) for role in asked]
         if outlined is not None:
             there[0] = self._by_outline(pick, outlined, there[0])
-        least = min(there, key=lambda answer: answer.present)
-        known = min(answer.known for answer in there)
-        return Look(Missing(1.0 - least.present, least.name, known, least.is_outline), outlined)
+        least = max(there, key=lambda thing: thing.probability)
+        return Look(least._replace(known=min(thing.known for thing in there)), outlined)
 
     def _outlined(self, image: Tensor, pick: Meant, maps: Mapping[str, Tensor]) -> Outlined | None:
         """Return the things of the outline and of the colours that are to be picked; None if no outline is named."""
@@ -125,16 +115,17 @@ class Presence:
         """Return a kind as SHAPES call it, should it be one of them."""
         return self.vocabulary.kinds[kind].removesuffix(" shape")
 
-    def _answer(self, role: Meant, features: Tensor, maps: Mapping[str, Tensor]) -> _Answer:
+    def _by_kind(self, role: Meant, features: Tensor, maps: Mapping[str, Tensor]) -> Missing:
+        """Return how likely a thing is missing, by its kind."""
         present = self._present(role, features, [maps[color] for color in role.colors])
-        return _Answer(present, spoken(self.vocabulary.kinds[role.kinds[0]], role.colors), sum(role.shares))
+        return Missing(1.0 - present, spoken(self.vocabulary.kinds[role.kinds[0]], role.colors), sum(role.shares))
 
-    def _by_outline(self, pick: Meant, outlined: Outlined, answer: _Answer) -> _Answer:
-        """Return the answer about what is to be picked, by its outline, and by its kind, too, where that is known."""
-        present = shifted(outlined.most(), _OUTLINE_BIAS)
-        if self._shape(pick.kinds[0]) == pick.shape and answer.present >= present:
-            return answer
-        return _Answer(present, spoken(pick.shape, pick.colors), 1.0, is_outline=True)
+    def _by_outline(self, pick: Meant, outlined: Outlined, by_kind: Missing) -> Missing:
+        """Return how likely what is to be picked is missing by its outline, or by its kind where that finds it."""
+        probability = 1.0 - shifted(outlined.most(), _OUTLINE_BIAS)
+        if self._shape(pick.kinds[0]) == pick.shape and by_kind.probability <= probability:
+            return by_kind
+        return Missing(probability, spoken(pick.shape, pick.colors), 1.0, is_outline=True)
 
     def _shade(self, color: str) -> Sequence[float] | None:
         """Return a colour's scaled CIELAB, None for a basic term that no demonstration names."""

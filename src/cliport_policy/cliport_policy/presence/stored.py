@@ -11,7 +11,7 @@ from torch import Tensor
 
 from cliport_policy.blank import blank_modules
 from cliport_policy.card import Card
-from cliport_policy.checkpoint import PRESENCE, load_checkpoint, save_checkpoint
+from cliport_policy.checkpoint import PRESENCE, halved, load_checkpoint, save_checkpoint
 from cliport_policy.errors import CheckpointError
 from cliport_policy.language import TextEncoder
 from cliport_policy.presence.presence import Presence
@@ -35,8 +35,7 @@ def put_presence(
     stored, card = load_checkpoint(path)
     tensors = {name: stored.as_stored(name) for name in stored if not name.startswith(PRESENCE)}
     for prefix, net in ((_SCENE, scene), (_SENTENCE, sentence)):
-        values = net.state_dict().items()
-        tensors |= {prefix + name: value.half() if value.is_floating_point() else value for name, value in values}
+        tensors |= {prefix + name: value for name, value in halved(net).items()}
     known = {
         "kinds": list(vocabulary.kinds),
         "colors": list(vocabulary.colors),

@@ -5,10 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 from safetensors import SafetensorError
-from safetensors.torch import load_file, save_file
+from safetensors.torch import save_file
 from torch import Tensor, nn
 
 from cliport_policy.blank import blank_modules
+from cliport_policy.checkpoint import StoredTensors, halved
 from cliport_policy.errors import CheckpointError
 from cliport_policy.shapes.names import SHAPES
 from cliport_policy.whole_files import whole_file
@@ -45,10 +46,8 @@ class OutlineNet(nn.Module):
 
 def save_outline_net(net: OutlineNet, path: Path) -> None:
     """Write a net in half precision; the previous file stays if that fails. Raises CheckpointError."""
-    values = net.state_dict().items()
-    stored = {name: value.half().contiguous() if value.is_floating_point() else value for name, value in values}
     with whole_file(path) as temporary:
-        save_file(stored, temporary)
+        save_file(halved(net), temporary)
 
 
 def load_outline_net(path: Path = OUTLINES) -> OutlineNet:
@@ -58,11 +57,10 @@ def load_outline_net(path: Path = OUTLINES) -> OutlineNet:
         CheckpointError: if its file can't be read.
     """
     try:
-        stored = load_file(path)
+        stored = StoredTensors(path)
         with blank_modules():
             net = OutlineNet()
-        floats = {name: value.float() if value.is_floating_point() else value for name, value in stored.items()}
-        net.load_state_dict(floats, assign=True)
+        net.load_state_dict(dict(stored), assign=True)
     except (OSError, RuntimeError, SafetensorError) as error:
         raise CheckpointError(
             f"can't read {path} ({' '.join(str(error).split())[:160]}): run fit_shapes again"
