@@ -9,8 +9,8 @@ from __future__ import annotations
 import argparse
 import sys
 from collections import defaultdict
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 
 import numpy as np
@@ -54,6 +54,16 @@ class Reliability:
     foreign: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
     own: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
 
+    @classmethod
+    def joined(cls, parts: Sequence[Reliability]) -> Reliability:
+        """Return the answers of all parts as those of one data set."""
+        arrays = {
+            one.name: np.concatenate([getattr(part, one.name) for part in parts])
+            for one in fields(cls)
+            if one.name != "refused"
+        }
+        return cls(**arrays, refused=sum(part.refused for part in parts))
+
     def absent_right(self, threshold: float) -> tuple[float, float]:
         """Return the shares of foreign sentences called not here, and of own ones not; NaN if there are none."""
         return _share(self.foreign > threshold), _share(self.own <= threshold)
@@ -89,12 +99,14 @@ def main(argv: Sequence[str] | None = None) -> int:
             raise ConfigError(f"--count is {args.count}: give at least 1")
         if args.out.suffix not in PICTURES:
             raise ConfigError(f"--out is {args.out}: give a picture's name, with {', '.join(PICTURES)}")
-        data = load_demonstrations(args.data)
+        sets = [load_demonstrations(folder) for folder in args.data]
         path = resolve_checkpoint(args.checkpoint)
         policy = load_policy(path)
-        found = measure(policy, data, args.count, _progress)
+        parts = [measure(policy, data, args.count, _progress) for data in sets]
+        found = Reliability.joined(parts)
         args.out.parent.mkdir(parents=True, exist_ok=True)
-        write_json(args.out.with_suffix(".json"), {"checkpoint": path.stem, "data": data.meta, **found.to_dict()})
+        each = [{"data": data.meta, **part.to_dict()} for data, part in zip(sets, parts, strict=True)]
+        write_json(args.out.with_suffix(".json"), {"checkpoint": path.stem, **found.to_dict(), "sets": each})
         plot_reliability(found.finished, found.unfinished, found.confidence, found.right, args.out)
     except PolicyError as error:
         print(f"error: {error}", file=sys.stderr)
@@ -106,6 +118,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         print("\nerror: interrupted", file=sys.stderr)
         return 130
     print(table(found))
+    if len(sets) > 1:
+        print(table_of_sets({str(folder): part for folder, part in zip(args.data, parts, strict=True)}))
     print(f"written: {args.out}, {args.out.with_suffix('.json')}")
     return 0
 
@@ -113,8 +127,15 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _parser() -> argparse.ArgumentParser:
     parser = CommandParser(prog="reliability", description="How far a checkpoint's own doubts can be trusted.")
     parser.add_argument("--checkpoint", default="default", help="a .safetensors file, a training folder or a name")
-    parser.add_argument("--data", required=True, type=Path, metavar="DIR", help="data set it was not trained on")
-    parser.add_argument("--count", type=int, default=200, metavar="N", help="episodes to look at (default 200)")
+    parser.add_argument(
+        "--data",
+        action="append",
+        required=True,
+        type=Path,
+        metavar="DIR",
+        help="data set it was not trained on; several are counted together and each alone",
+    )
+    parser.add_argument("--count", type=int, default=200, metavar="N", help="episodes of each to look at (default 200)")
     parser.add_argument("--out", type=Path, default=Path("out/reliability.png"), help="picture; a JSON beside it")
     return parser
 
@@ -226,6 +247,17 @@ def table(found: Reliability) -> str:
         lines += [row(t, found.absent_right(t)) for t in THRESHOLDS]
     lines.append(f"{'min_confidence':>14} {'acted on':>21} {'of these right':>26}")
     lines += [row(t, found.acted(t)) for t in (0.0, *THRESHOLDS)]
+    return "\n".join(lines)
+
+
+def table_of_sets(parts: Mapping[str, Reliability]) -> str:
+    """Return a table for a terminal with a line for each data set, by its name; thresholds are 0.5."""
+    columns = ("finished said so", "unfinished not", "foreign said so", "own not", "acts", "then right")
+    wide = max(map(len, parts))
+    lines = [" ".join([f"{'from 0.5 on':{wide}}", *(f"{column:>16}" for column in columns)])]
+    for name, part in parts.items():
+        shares = (*part.done_right(0.5), *part.absent_right(0.5), *part.acted(0.5))
+        lines.append(" ".join([f"{name:{wide}}", *(f"{_percent(share):>16}" for share in shares)]))
     return "\n".join(lines)
 
 

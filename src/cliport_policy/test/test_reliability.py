@@ -11,7 +11,7 @@ import pytest
 
 from cliport_policy.data.demonstrations import load_demonstrations
 from cliport_policy.policy import load_policy
-from cliport_policy.reliability import Reliability, main, measure, table
+from cliport_policy.reliability import Reliability, main, measure, table, table_of_sets
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 
@@ -60,6 +60,44 @@ def test_the_command(
         assert main([*arguments[:4], "--out", str(tmp_path / name)]) == 1
         assert "give a picture's name, with .png, .pdf, .svg" in capsys.readouterr().err
         assert not (tmp_path / name).exists()
+
+
+def test_several_sets_are_counted_together_and_each_alone(
+    tiny_checkpoint: Callable[..., Path], make_flat_set: Callable[..., Path], tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    path, out = tiny_checkpoint("compact"), tmp_path / "picture.png"
+    two = make_flat_set(tmp_path / "two", 2, actions=2, pixel_size=0.0125)
+    three = make_flat_set(tmp_path / "three", 3, actions=1, pixel_size=0.0125)
+    arguments = ["--checkpoint", str(path), "--out", str(out)]
+    alone = []
+    for folder in (two, three):
+        assert main([*arguments, "--data", str(folder)]) == 0
+        assert "from 0.5 on" not in capsys.readouterr().out
+        alone.append(json.loads(out.with_suffix(".json").read_text()))
+    assert main([*arguments, "--data", str(two), "--data", str(three)]) == 0
+    written = json.loads(out.with_suffix(".json").read_text())
+    assert (written["unfinished"], written["finished"]) == (5, 5)
+    assert written["sets"] == [one["sets"][0] for one in alone]
+    both = [(2 * a + 3 * b) / 5 for a, b in zip(*(one["done"]["0.1"] for one in alone), strict=True)]
+    assert written["done"]["0.1"] == pytest.approx(both)
+    shown = capsys.readouterr().out.splitlines()
+    assert [line.split()[0] for line in shown[-3:-1]] == [str(two), str(three)]
+
+
+def test_answers_of_several_sets_are_those_of_one() -> None:
+    def part(*numbers: float, refused: int) -> Reliability:
+        values = [np.array([number]) for number in numbers]
+        return Reliability(*values[:3], np.array([True]), refused, *values[3:])
+
+    found = Reliability.joined([part(0.1, 0.2, 0.3, 0.4, 0.5, refused=1), part(0.6, 0.7, 0.8, 0.9, 1.0, refused=2)])
+    assert (found.finished.tolist(), found.unfinished.tolist(), found.confidence.tolist()) == (
+        [0.1, 0.6], [0.2, 0.7], [0.3, 0.8]
+    )  # fmt: skip
+    assert (found.foreign.tolist(), found.own.tolist(), found.refused) == ([0.4, 0.9], [0.5, 1.0], 3)
+    assert found.right.dtype == bool and len(found.right) == 2
+    lines = [line.split() for line in table_of_sets({"mine": part(0.1, 0.2, 0.6, 0.9, 0.3, refused=0)}).splitlines()]
+    assert lines[1] == ["mine", "0.0", "%", *(["100.0", "%"] * 5)]
 
 
 def test_a_policy_that_acts_on_an_image_of_the_goal_is_not_asked_for_what_is_not_there(
