@@ -8,7 +8,7 @@ from pathlib import Path
 import torch
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import save_file
-from torch import Tensor, nn
+from torch import Tensor
 
 from cliport_policy.card import Card, load_card
 from cliport_policy.errors import CheckpointError
@@ -24,9 +24,9 @@ def network_tensors(tensors: Mapping[str, Tensor]) -> dict[str, Tensor]:
     return {name: tensors[name] for name in tensors if name != ANCHORS and not name.startswith(PRESENCE)}
 
 
-def halved(module: nn.Module) -> dict[str, Tensor]:
-    """Return a module's state as it is shipped: numbers with fractions in half precision."""
-    values = module.state_dict().items()
+def halved(tensors: Mapping[str, Tensor]) -> dict[str, Tensor]:
+    """Return tensors as they are shipped: numbers with fractions in half precision."""
+    values = tensors.items()
     return {name: value.half().contiguous() if value.is_floating_point() else value for name, value in values}
 
 

@@ -31,6 +31,10 @@ from cliport_policy.encoders.clip_modules import ClipResNet, ClipText
 from cliport_policy.language import ENCODER_NAME, shared_encoder
 from cliport_policy.named_configs import load_network_config
 from cliport_policy.networks.factory import build_network
+from cliport_policy.presence.scene_net import SceneNet
+from cliport_policy.presence.sentence_net import SentenceNet
+from cliport_policy.presence.stored import put_presence
+from cliport_policy.presence.vocabulary import Vocabulary, shade_of
 
 COLORS = {"red": (255, 87, 89), "blue": (78, 121, 167)}
 
@@ -228,6 +232,22 @@ def tiny_checkpoint(clip_models: Path, tmp_path: Path) -> Callable[..., Path]:
         return path
 
     return make
+
+
+@pytest.fixture
+def give_presence() -> Callable[[Path, bool], None]:
+    """Gives a checkpoint a presence network that knows blocks and bowls, and sees everything, or nothing."""
+    shades = tuple(tuple(float(value) for value in shade_of(color)) for color in (0x4E79A7, 0x59A14F, 0xFF5759))
+    vocabulary = Vocabulary(("block", "bowl"), ("blue", "green", "red"), shades)
+
+    def give(path: Path, sees: bool) -> None:
+        net, reader = SceneNet(2, 3), SentenceNet(2)
+        with torch.no_grad():
+            net.out.bias.fill_(9.0 if sees else -9.0)
+            reader.kind.bias.copy_(torch.tensor((9.0, 0.0, 0.0)))  # all is a block
+        put_presence(path, vocabulary, net, reader, {"command": "by hand"})
+
+    return give
 
 
 SETUP = CaptureSetup(

@@ -10,8 +10,10 @@ import pytest
 import torch
 from safetensors.torch import load_file
 
-from cliport_policy.checkpoint import ANCHORS
+from cliport_policy.card import load_card
+from cliport_policy.checkpoint import ANCHORS, PRESENCE
 from cliport_policy.config import FINE_TUNE
+from cliport_policy.data.demonstrations import load_demonstrations
 from cliport_policy.errors import ConfigError
 from cliport_policy.joint_config import JointConfig
 from cliport_policy.policy import load_policy
@@ -58,6 +60,36 @@ def test_a_fine_tuning_goes_on_from_a_checkpoint(
     policy.check_instruction(NEW)
     assert train(*arguments, "--steps", "3") == 0  # resumes, and does not begin again
     assert json.loads((out / "policy.json").read_text())["made_by"]["steps_done"] == 3
+
+
+def test_it_keeps_a_presence_network_that_finds_what_the_demonstrations_name(
+    make_flat_set: MakeSet, tiny_checkpoint: MakeCheckpoint, give_presence: Callable[[Path, bool], None],
+    tmp_path: Path, caplog: pytest.LogCaptureFixture,
+) -> None:  # fmt: skip
+    sets = [make_flat_set(tmp_path / name, 3, actions=1, pixel_size=SMALL) for name in ("one", "two")]
+    begun, out = tiny_checkpoint("compact"), tmp_path / "out"
+    arguments = ["--init", begun, *(word for folder in sets for word in ("--data", folder)), "--out", out]
+    give_presence(begun, True)
+    caplog.set_level("INFO")
+    assert train(*arguments, "--steps", "1") == 0 and train(*arguments, "--steps", "2") == 0
+    assert f"the presence network of {begun} is kept: it finds what is named in 6 scenes" in caplog.messages
+    before, after = load_file(begun), load_file(out / "policy.safetensors")
+    kept = [name for name in before if name.startswith(PRESENCE)]
+    assert kept and all(torch.equal(after[name], before[name]) for name in kept)
+    assert all(after[name].dtype == before[name].dtype for name in kept)
+    assert load_card(out / "policy.safetensors").presence == load_card(begun).presence
+    data = load_demonstrations(sets[0])
+    assert load_policy(out).infer(data.observation(data.frames[0]), NEW).absent_probability < 0.5
+
+    give_presence(begun, False)
+    other = tmp_path / "other"
+    assert train(*arguments[:-1], other, "--steps", "1") == 0
+    assert (
+        f"the presence network of {begun} is left out: in 3 of 3 scenes of {sets[0]} it does not find what is named; "
+        "fit_presence teaches another one"
+    ) in caplog.messages
+    assert not load_card(other / "policy.safetensors").presence
+    assert not any(name.startswith(PRESENCE) for name in load_file(other / "policy.safetensors"))
 
 
 def test_its_recipe_is_short_and_careful(tiny_checkpoint: MakeCheckpoint) -> None:

@@ -35,7 +35,7 @@ def put_presence(
     stored, card = load_checkpoint(path)
     tensors = {name: stored.as_stored(name) for name in stored if not name.startswith(PRESENCE)}
     for prefix, net in ((_SCENE, scene), (_SENTENCE, sentence)):
-        tensors |= {prefix + name: value for name, value in halved(net).items()}
+        tensors |= {prefix + name: value for name, value in halved(net.state_dict()).items()}
     known = {
         "kinds": list(vocabulary.kinds),
         "colors": list(vocabulary.colors),

@@ -47,7 +47,7 @@ class OutlineNet(nn.Module):
 def save_outline_net(net: OutlineNet, path: Path) -> None:
     """Write a net in half precision; the previous file stays if that fails. Raises CheckpointError."""
     with whole_file(path) as temporary:
-        save_file(halved(net), temporary)
+        save_file(halved(net.state_dict()), temporary)
 
 
 def load_outline_net(path: Path = OUTLINES) -> OutlineNet:

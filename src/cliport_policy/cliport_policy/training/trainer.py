@@ -8,7 +8,7 @@ import math
 import time
 from collections.abc import Callable, Collection, Sequence
 from contextlib import closing
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -30,6 +30,7 @@ from cliport_policy.named_configs import AnyNetworkConfig
 from cliport_policy.networks.factory import build_network, has_fast_bfloat16
 from cliport_policy.policy import Policy
 from cliport_policy.training.distributed import Group
+from cliport_policy.training.inherited_presence import Inherited, inherited_presence
 from cliport_policy.training.initial import Initial, primitive_of
 from cliport_policy.training.losses import Losses, compute_losses
 from cliport_policy.training.state import resume_state, save_state
@@ -101,6 +102,7 @@ class Trainer:
         recoloring, phrasebook = self._draw_wordings()
         self.loader = Loader(self.data, phrasebook, config, recoloring, group.rank, group.size)
         self._anchors = self._anchor_vectors(phrasebook) if group.is_first else None
+        self._presence = self._inherited_presence()
         self.step = resume_state(folder, self._modules(), self.optimizer, self._identity())
 
     def run(
@@ -155,7 +157,8 @@ class Trainer:
     def save_policy(self, path: Path) -> None:
         """Write the averaged weights and their card."""
         tensors = {name: value.cpu() for name, value in self.average.state_dict().items()}
-        save_checkpoint(path, {**tensors, ANCHORS: self._require_anchors()}, self._card())
+        tensors |= {ANCHORS: self._require_anchors(), **self._presence.tensors}
+        save_checkpoint(path, tensors, replace(self._card(), presence=self._presence.facts))
 
     def policy(self) -> Policy:
         """Return the averaged network as a policy that acts, on the CPU."""
@@ -223,6 +226,11 @@ class Trainer:
             recoloring = Recoloring(self.data, surveyed, np.random.default_rng((config.seed, 2)))
         wordings = share_wordings(sentence_groups(self.data, recoloring, config), MAX_PHRASES)
         return recoloring, Phrasebook(wordings, np.random.default_rng((config.seed, 1)))
+
+    def _inherited_presence(self) -> Inherited:
+        if self.initial is None or not self.group.is_first:  # the first process saves
+            return Inherited({}, {})
+        return inherited_presence(self.initial, [source.data for source in self.data.sources], self.encoder)
 
     def _anchor_vectors(self, phrasebook: Phrasebook) -> Tensor:
         """Return anchors of this training and of its initial checkpoint, whose sentences must not be refused now."""
