@@ -15,11 +15,12 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 from safetensors import SafetensorError
-from safetensors.torch import load_file, save_file
+from safetensors.torch import save_file
 from torch import Tensor
 from torch.nn import functional as F
 
 from cliport_core.command_line import CommandParser
+from cliport_policy.checkpoint import StoredTensors, halved
 from cliport_policy.data.color_names import names_told
 from cliport_policy.errors import CheckpointError, ConfigError, PolicyError
 from cliport_policy.language import TextEncoder, shared_encoder
@@ -72,7 +73,7 @@ def load_color_head(arm: str) -> ColorHead:
     path = FOLDER / f"{arm}.safetensors"
     head = ColorHead()
     try:
-        head.load_state_dict({name: value.float() for name, value in load_file(path).items()})
+        head.load_state_dict(dict(StoredTensors(path)))
     except (OSError, RuntimeError, SafetensorError) as error:
         raise CheckpointError(f"can't read {path} ({error}): run fit_color_words again") from error
     return head.requires_grad_(False).eval()
@@ -185,7 +186,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             head, loss = fit(arm, args.steps, args.seed, shared_encoder())
             path = args.out / f"{arm}.safetensors"
             with whole_file(path) as temporary:
-                save_file({name: value.half().contiguous() for name, value in head.state_dict().items()}, temporary)
+                save_file(halved(head.state_dict()), temporary)
             print(f"{arm}: {len(read_survey(arm).names)} names, loss {loss:.3f}, {path}")
     except PolicyError as error:
         print(f"error: {error}", file=sys.stderr)
