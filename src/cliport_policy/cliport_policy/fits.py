@@ -1,4 +1,4 @@
-"""Fits of what is picked at the likeliest places, as an aligner sees them."""
+"""Fits of what is picked at the likeliest places: as an aligner sees them, and on prints of its outline."""
 
 from __future__ import annotations
 
@@ -11,10 +11,16 @@ from torch import Tensor
 from cliport_policy.networks.policy_network import Goal, Placings, PolicyNetwork
 from cliport_policy.networks.rotation import bin_angles
 from cliport_policy.peaks import Peak
+from cliport_policy.shapes.prints import Print
 
 _LOOKED_AT_AGAIN = 8  # pairs of a place and a rotation, the likeliest ones at a first look
 _BESIDE = tuple((row, col) for row in (-2.0, 0.0, 2.0) for col in (-2.0, 0.0, 2.0))  # pixels: 5 mm around a place
 _QUARTER = math.pi / 2
+_CLEAR = 8.0  # contrast from which on a patch is a print,
+_AS_CLEAR = 40.0  # and beyond which more says nothing
+_HEARD = 0.5  # how far the transport's own odds between prints count
+_OUT = 20.0  # logits that put all else out
+_SPREAD = 0.7  # of a place over cells, as a standard deviation [cells]
 
 
 def seen_fits(
@@ -67,6 +73,29 @@ def with_fits(places: Tensor, candidates: Sequence[Peak], fits: Tensor) -> Tenso
     for peak, was, becomes, turns in zip(candidates, shares, dealt, fits.log_softmax(1), strict=True):
         near = torch.from_numpy(peak.near)
         joint[:, near] = places[:, near].logsumexp(0) + turns[:, None] + (becomes - was)
+    return joint
+
+
+def share_of_prints(shares: Tensor, prints: Sequence[Print]) -> Tensor | None:
+    """Return the logarithms of the shares (n,) of n prints at as many places; None where none is clear.
+
+    The square of their contrasts says which, and the transport's own odds with half their logarithm. shares: (n,), the
+    logarithms of what the transport says.
+    """
+    contrasts = torch.tensor([one.contrast for one in prints])
+    if not len(prints) or float(contrasts.max()) < _CLEAR:
+        return None
+    return (_HEARD * shares + 2 * contrasts.clamp(1.0, _AS_CLEAR).log()).log_softmax(0)
+
+
+def with_prints(places: Tensor, prints: Sequence[Print], shares: Tensor, cell_size: int) -> Tensor:
+    """Return logits of places (k, h, w) that lie on prints, turned as these do. shares: (n,), logarithms."""
+    joint = places - places.logsumexp((0, 1, 2)) - _OUT
+    rows, cols = (torch.arange(size, dtype=torch.float32) for size in places.shape[1:])
+    for one, share in zip(prints, shares, strict=True):
+        row, col = ((pixel - (cell_size - 1) / 2) / cell_size for pixel in one.pixel)
+        near = -((rows[:, None] - row).square() + (cols - col).square()) / (2 * _SPREAD**2)
+        joint[one.rotation] = torch.logaddexp(joint[one.rotation], share + near.flatten().log_softmax(0).view_as(near))
     return joint
 
 

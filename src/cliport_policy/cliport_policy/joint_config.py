@@ -12,7 +12,7 @@ CONTEXT_HEADS = 4  # of the attention among cells
 COLOR_WORDS = ("none", "strict", "open")
 COLOR_READING = ("tokens", "names")
 # what a trained network may change on its way
-REREAD = frozenset({"color_reading", "gray_share", "reads_sides", "reads_shapes"})
+REREAD = frozenset({"color_reading", "gray_share", "reads_sides", "reads_shapes", "fits_prints"})
 
 
 @dataclass(frozen=True)
@@ -38,6 +38,9 @@ class JointConfig:
     reads_shapes: True leads picks to things that have the outline of a letter, a digit or a figure which the sentence
     names, where a presence network tells what is to be picked; in the arm `open` alone, for what they mean is told
     from outside. It changes nothing in training.
+    fits_prints: True looks, where the likeliest places are flat, for a patch of one colour that has the outline of what
+    is picked, and has it put down there, turned as the patch lies, instead of asking the aligner; by a rule. It changes
+    nothing in training.
     aligner: True scores the likeliest places and the rotations there on crops around both; otherwise the correlation
     decides alone, as in checkpoints whose cards do not say.
     """
@@ -59,6 +62,7 @@ class JointConfig:
     chooses_primitive: bool = True
     reads_sides: bool = False
     reads_shapes: bool = False
+    fits_prints: bool = False
     aligner: bool = False
 
     def __post_init__(self) -> None:

@@ -7,6 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from torch import Tensor
+from torch.nn import functional as F
 
 from cliport_core.workspace import WorkspaceSpec
 
@@ -87,6 +89,12 @@ class CellGrid:
         rows, cols = np.ogrid[: self.shape[0], : self.shape[1]]
         disc: NDArray[np.bool_] = (rows - cell[0]) ** 2 + (cols - cell[1]) ** 2 <= radius**2
         return disc
+
+
+def mass_of(logits: Tensor, temperature: float = 1.0) -> NDArray[np.float32]:
+    """Return the softmax over all of a tensor, in its shape."""
+    mass: NDArray[np.float32] = F.softmax((logits / temperature).flatten(), dim=0).reshape(logits.shape).numpy()
+    return mass
 
 
 def best_rotation(mass: NDArray[np.float32]) -> int:

@@ -21,7 +21,6 @@ from cliport_core.workspace import WorkspaceSpec
 from cliport_policy.card import Card, resolve_checkpoint
 from cliport_policy.checkpoint import ANCHORS, load_checkpoint
 from cliport_policy.errors import CheckpointError, InstructionError, ObservationError
-from cliport_policy.fits import seen_fits, with_fits
 from cliport_policy.inference import AffordanceMaps, Explanation, Inference
 from cliport_policy.language import ENCODER_NAME, TextEncoder, TokenEmbeddings, shared_encoder
 from cliport_policy.memory import release_unused
@@ -32,18 +31,13 @@ from cliport_policy.networks.rotation import bin_angles
 from cliport_policy.null_odds import absence
 from cliport_policy.observation import observation_tensor
 from cliport_policy.odds import shifted
-from cliport_policy.peaks import CellGrid, Peak, best_rotation
+from cliport_policy.peaks import CellGrid, Peak, best_rotation, mass_of
+from cliport_policy.places import Places
 from cliport_policy.presence.presence import Missing, Presence
 from cliport_policy.presence.stored import load_presence
 from cliport_policy.shapes.reader import Outlined, led_picks
-from cliport_policy.sides import Side, at_own_side, at_side, own_side_named, side_named
+from cliport_policy.sides import Side, own_side_named, side_named
 
-_MOST_ALIKE = 6  # places among which a side may be named,
-_ALIKE = 0.15  # and how likely they are at least, relative to the likeliest
-_HARDLY_ALIKE = 0.02  # the same where the side is one of a thing's own
-_OUT = 30.0  # logits that put a place out
-_CANDIDATES = 3  # places at most that an aligner is asked about,
-_LEAST_SHARE = 0.05  # and after the first only those that are as likely as this
 _WARM_UP = "put the red blocks in the green bowl"
 
 
@@ -82,6 +76,7 @@ class Policy:
         self._encoder = encoder
         self._accepted = ""  # the last sentence that was
         self.grid = CellGrid(card.workspace, network.cell_size)
+        self._places = Places(self._network, self.grid, getattr(card.network, "fits_prints", False))
 
     @property
     def workspace(self) -> WorkspaceSpec:
@@ -167,7 +162,7 @@ class Policy:
         if own is None:
             return scores
         front, back = (self._score_image(image, words, goal, outlined).places for words in (own.front, own.back))
-        return scores._replace(places=self._at_own_side(own.side, front, back, scores.places))
+        return scores._replace(places=self._places.at_own_side(own.side, front, back, scores.places))
 
     def _score_goal(self, image: Tensor, goal: Goal, side: Side | None, outlined: Outlined | None) -> Scores:
         network = self._network
@@ -175,70 +170,36 @@ class Policy:
         scores = network.score_picks(image, aim)[0].float()
         picks, nulls = scores[: -network.n_null], scores[-network.n_null :]
         picks = led_picks(picks.reshape(self.grid.shape), outlined).flatten()
-        pick = self.grid.peak(_mass(picks).reshape(self.grid.shape))
+        pick = self.grid.peak(mass_of(picks).reshape(self.grid.shape))
         pixel = torch.tensor([pick.pixel], dtype=torch.float32)
         yaws, places = network.score_rotations(image, aim, pixel)
-        if side is not None:
-            places = self._at_side(side, places)
         primitives = network.score_primitives(image, aim)
         chosen = None if primitives is None else primitives[0].float()
         is_placed = self._primitive(chosen) is Primitive.PICK_PLACE  # what is swept or folded fits nowhere
-        if network.has_aligner and is_placed:
-            places = self._with_fits(image, aim, pixel, yaws, places)
+        printed = self._places.on_prints(image, pick, yaws, places) if is_placed else None
+        if printed is not None:
+            pick, places = printed
+        if side is not None:
+            places = self._places.at_side(side, places)
+        if network.has_aligner and is_placed and printed is None:
+            places = self._places.with_fits(image, aim, pixel, yaws, places)
         return Scores(picks, nulls, None if yaws is None else yaws[0].float(), places[0].float(), pick, chosen)
-
-    def _at_side(self, side: Side, places: Tensor) -> Tensor:
-        """Return the places' logits (1, k, h, w), with all but the one at a side of those that are alike put out."""
-        alike = self._alike(places[0].float(), _ALIKE)
-        if side is Side.MIDDLE and len(alike) < 3:
-            return places
-        chosen = alike[at_side(side, [peak.pixel for peak in alike])]
-        return places - _OUT * torch.from_numpy(~chosen.near)
-
-    def _at_own_side(self, side: Side, front: Tensor, back: Tensor, places: Tensor) -> Tensor:
-        """Return the places' logits (k, h, w), with all but the likeliest at a thing's own side put out.
-
-        front, back: (k, h, w), what is said of the same thing's front and back. Where no likely place lies there, all
-        stay as they are.
-        """
-        likely = self._alike(places, _HARDLY_ALIKE)
-        points = [
-            [self.workspace.pixel_to_xy(*peak.pixel) for peak in peaks]
-            for peaks in (self._alike(front, _ALIKE), self._alike(back, _ALIKE), likely)
-        ]
-        found = at_own_side(side, *points)
-        return places - _OUT * torch.from_numpy(~likely[found[0]].near) if found else places
-
-    def _alike(self, places: Tensor, least: float) -> list[Peak]:
-        """Return the places with logits (k, h, w) that are likely, relative to the likeliest, which comes first."""
-        mass = _mass(places)
-        peaks = self.grid.peaks(mass, _MOST_ALIKE, 0.01)
-        shares = [peak.confidence(mass.sum(0)) for peak in peaks]
-        return [peak for peak, share in zip(peaks, shares, strict=True) if share >= least * max(shares)]
-
-    def _with_fits(self, image: Tensor, goal: Goal, pick: Tensor, yaws: Tensor | None, places: Tensor) -> Tensor:
-        """Return the places' logits (1, k, h, w), with what an aligner thinks of the likeliest."""
-        candidates = self.grid.peaks(_mass(places[0].float()), _CANDIDATES, _LEAST_SHARE)
-        angles = bin_angles(self.card.network.n_rotations)
-        yaw = angles[:1] if yaws is None else angles[yaws.argmax(1)]
-        fits = seen_fits(self._network, image, goal, pick, yaw, candidates, places[0].float())
-        return with_fits(places[0].float(), candidates, fits)[None]
 
     def place_peak(self, scores: Scores) -> Peak:
         """Return the best place at its best rotation."""
-        mass = _mass(scores.places)
+        mass = mass_of(scores.places)
         return self.grid.peak(mass[best_rotation(mass)])
 
     def _decide(self, scores: Scores, with_maps: bool) -> Explanation:
         """Choose the action. Temperatures change how sure the policy is, not what it does."""
         pick, place = scores.pick, self.place_peak(scores)
-        pick_mass = _mass(scores.picks, self.card.temperature("pick")).reshape(self.grid.shape)
-        place_mass = _mass(scores.places, self.card.temperature("place"))
-        yaws = None if scores.yaws is None else _mass(scores.yaws)
+        pick_mass = mass_of(scores.picks, self.card.temperature("pick")).reshape(self.grid.shape)
+        place_mass = mass_of(scores.places, self.card.temperature("place"))
+        yaws = None if scores.yaws is None else mass_of(scores.yaws)
         pick_yaw = 0.0 if yaws is None else self._angle(int(yaws.argmax()))
         place_yaw = math.remainder(pick_yaw + self._angle(best_rotation(place_mass)), 2 * math.pi)
         primitive = self._primitive(scores.primitives)
-        nulls = _mass(torch.cat((scores.picks, scores.nulls)))[len(scores.picks) :]
+        nulls = mass_of(torch.cat((scores.picks, scores.nulls)))[len(scores.picks) :]
         pick_confidence, place_confidence = pick.confidence(pick_mass), place.confidence(place_mass.sum(0))
         done = shifted(float(nulls[0]), self.card.done_bias.get(primitive.label, 0.0))
         absent, missing = absence(float(nulls[1]) if len(nulls) > 1 else 0.0, scores.missing, done)
@@ -303,12 +264,6 @@ class Policy:
             torch.from_numpy(cells)[None, None], self.workspace.shape, mode="bilinear", align_corners=False
         )[0, 0].numpy()
         return np.asarray(up / max(float(up.sum()), 1e-12), np.float32)
-
-
-def _mass(logits: Tensor, temperature: float = 1.0) -> NDArray[np.float32]:
-    """Return the softmax over all of a tensor, in its shape."""
-    mass: NDArray[np.float32] = F.softmax((logits / temperature).flatten(), dim=0).reshape(logits.shape).numpy()
-    return mass
 
 
 def load_policy(path_or_name: str | Path = "default", precision: str = "auto", compiled: bool = False) -> Policy:

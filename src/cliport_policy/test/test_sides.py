@@ -9,6 +9,7 @@ import torch
 
 from cliport_core.heightmap import Heightmap
 from cliport_policy.joint_config import JointConfig
+from cliport_policy.places import Places
 from cliport_policy.policy import Policy, load_policy
 from cliport_policy.sides import OwnSide, Side, at_own_side, at_side, own_side_named, side_named
 
@@ -127,7 +128,7 @@ def places_with(policy: Policy, heights: dict[tuple[int, int], float]) -> torch.
 def test_of_places_that_are_alike_the_one_at_the_side_is_left(
     policy: Policy, side: Side, heights: dict[tuple[int, int], float], expected: tuple[int, int]
 ) -> None:
-    places = policy._at_side(side, places_with(policy, heights))
+    places = policy._places.at_side(side, places_with(policy, heights))
     assert np.unravel_index(int(places.argmax()), places.shape)[2:] == expected
     kept = places[(0, 1, *expected)] - heights[expected]
     assert float(kept) == 0.0
@@ -135,7 +136,7 @@ def test_of_places_that_are_alike_the_one_at_the_side_is_left(
 
 def test_only_a_policy_that_reads_sides_hears_them(policy: Policy, monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[Side] = []
-    monkeypatch.setattr(Policy, "_at_side", lambda self, side, places: asked.append(side) or places)
+    monkeypatch.setattr(Places, "at_side", lambda self, side, places: asked.append(side) or places)
     network = policy.card.network
     assert isinstance(network, JointConfig) and network.reads_sides
     without = Policy(
@@ -161,10 +162,10 @@ def test_the_likeliest_place_at_a_thing_s_own_side_is_left(policy: Policy) -> No
     front, back = logits({(60, 60): 20.0, (100, 60): 20.5}), logits({(60, 20): 20.0, (100, 20): 20.0})
     places = logits({(100, 20): 21.0, (60, 20): 19.0, (60, 60): 18.0})  # the front is at +x: its left at +y
     for side, expected in ((Side.LEFT, (100, 20)), (Side.RIGHT, (60, 20))):
-        kept = policy._at_own_side(side, front, back, places)
+        kept = policy._places.at_own_side(side, front, back, places)
         assert np.unravel_index(int(kept.argmax()), kept.shape)[1:] == expected
     only = logits({(100, 20): 21.0})
-    assert torch.equal(policy._at_own_side(Side.RIGHT, front, back, only), only)
+    assert torch.equal(policy._places.at_own_side(Side.RIGHT, front, back, only), only)
 
 
 def test_a_policy_asks_itself_about_front_and_back_where_one_of_the_own_sides_is_named(
@@ -172,11 +173,11 @@ def test_a_policy_asks_itself_about_front_and_back_where_one_of_the_own_sides_is
 ) -> None:
     asked: list[tuple[Side, torch.Tensor, torch.Tensor]] = []
 
-    def noted(self: Policy, side: Side, front: torch.Tensor, back: torch.Tensor, places: torch.Tensor) -> torch.Tensor:
+    def noted(self: Places, side: Side, front: torch.Tensor, back: torch.Tensor, places: torch.Tensor) -> torch.Tensor:
         asked.append((side, front, back))
         return places
 
-    monkeypatch.setattr(Policy, "_at_own_side", noted)
+    monkeypatch.setattr(Places, "at_own_side", noted)
     color = np.random.default_rng(0).integers(0, 255, (*policy.workspace.shape, 3), np.uint8)
     height = np.zeros(policy.workspace.shape, np.float32)
     scene = Heightmap(color, height, np.ones(height.shape, bool), policy.workspace)

@@ -25,7 +25,12 @@ class Silhouette(NamedTuple):
 
 
 def silhouettes(height: NDArray[np.float32], valid: NDArray[np.bool_], pixel_size: float) -> list[Silhouette]:
-    """Return the things on the table that are as large as a shape to hold.
+    """Return the things that `standing` finds, with their pictures."""
+    return [Silhouette(cells, picture_of(cells)) for cells in standing(height, valid, pixel_size)]
+
+
+def standing(height: NDArray[np.float32], valid: NDArray[np.bool_], pixel_size: float) -> list[NDArray[np.bool_]]:
+    """Return where the things on the table are that are as large as a shape to hold, each (rows, cols).
 
     height: (rows, cols) [m]. valid: (rows, cols), where something was seen. pixel_size: of a cell [m].
     """
@@ -35,8 +40,7 @@ def silhouettes(height: NDArray[np.float32], valid: NDArray[np.bool_], pixel_siz
     for label in range(1, count):
         across = max(stats[label, cv2.CC_STAT_WIDTH], stats[label, cv2.CC_STAT_HEIGHT]) * pixel_size
         if _LEAST <= across <= _MOST:
-            cells = labels == label
-            found.append(Silhouette(cells, picture_of(cells)))
+            found.append(labels == label)
     return found
 
 

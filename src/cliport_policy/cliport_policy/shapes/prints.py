@@ -1,0 +1,170 @@
+"""Prints: patches on what is flat that have the outline of what is picked, and how it must be turned to cover them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from torch import Tensor
+
+from cliport_policy.observation import unscaled
+from cliport_policy.shapes.silhouettes import standing
+
+_BESIDE_PICK = 0.01  # how far beside a thing it may be picked, at a ring's middle say [m]
+_OFF_CENTROID = 0.004  # and how far from its centroid it is held as a whole where nothing of it is [m]
+_REACH, _STEP = 0.01, 0.005  # how far beside a place a print is looked for, and in which steps at first [m]
+_GAP, _BAND = 0.0025, 0.01  # what lies around a print is looked at from here to there beyond its edge [m]
+_FLAT = 0.006  # what stands out so far within the outline is no print [m]
+_POINTS = 160  # at most, inside an outline and around it
+_LEAST_POINTS = 12  # of an outline that says anything
+_FEW = 48  # of them at the first look
+_ROUGHLY = 18  # rotations at the first look
+_WORTH = 2.0  # contrast then from which on a place is looked at again
+_TRIED, _NOTHING = 2, 1.0  # places after which no more are looked at, if the contrast was less than this
+_NOISE = 3 * 0.015**2  # variance of an even surface's colour, components in 0..1
+
+
+class Outline(NamedTuple):
+    """Points of what is picked, and points around it, as (row, col) pixels from the pick: (N, 2) and (M, 2).
+
+    held: (2,), the point that jaws have between them, likewise.
+    """
+
+    inside: NDArray[np.float32]
+    around: NDArray[np.float32]
+    held: NDArray[np.float32]
+
+
+class Print(NamedTuple):
+    """Patch on something flat that looks like an outline.
+
+    pixel: (row, col), where the point between the jaws comes to lie.
+    rotation: number of the angle by which it must be turned.
+    contrast: squared distance of the mean colours inside the outline and around it, over their variances.
+    """
+
+    pixel: tuple[int, int]
+    rotation: int
+    contrast: float
+
+
+def outline_at(image: Tensor, pixel: tuple[int, int], yaw: float, pixel_size: float) -> Outline | None:
+    """Return the outline of the thing at a pick, None where none stands there that is as large as one to hold.
+
+    image: (1, 5, rows, cols), an observation. yaw: of the jaws [rad].
+    """
+    height, valid = unscaled(image)[0, 3].numpy(), image[0, 4].numpy() > 0
+    for thing in standing(height, valid, pixel_size):
+        points = np.argwhere(thing)
+        if np.hypot(*(points - np.array(pixel)).T).min() <= _BESIDE_PICK / pixel_size:
+            gap, band = (_disc(reach / pixel_size) for reach in (_GAP, _BAND))
+            cells = np.pad(thing.astype(np.uint8), len(band))
+            parts = cv2.erode(cells, gap), cv2.dilate(cells, band) - cv2.dilate(cells, gap)
+            inside, around = (_thinned(np.argwhere(part) - np.array(pixel) - len(band), _POINTS) for part in parts)
+            held = _held(thing, points, pixel, yaw, pixel_size)
+            return Outline(inside, around, held) if min(len(inside), len(around)) >= _LEAST_POINTS else None
+    return None
+
+
+def _held(
+    thing: NDArray[np.bool_], points: NDArray[np.int64], pick: tuple[int, int], yaw: float, pixel_size: float
+) -> NDArray[np.float32]:
+    """Return the point that jaws have between them, (2,) pixels from the pick.
+
+    Where they close on the whole thing it lies midway along their way, and at its centroid across. Beside a thing, as
+    in the corner of an L, they do not: they close on the part that is picked.
+    """
+    along, across = np.array((math.sin(yaw), math.cos(yaw))), np.array((math.cos(yaw), -math.sin(yaw)))
+    reach, centroid = points @ along, points.mean(0)
+    middle = along * (reach.min() + reach.max()) / 2 + across * (centroid @ across)
+    row, col = np.rint(middle).astype(int)
+    is_whole = thing[row, col] or math.dist(middle, centroid) * pixel_size <= _OFF_CENTROID
+    return np.asarray(middle - pick if is_whole else (0, 0), np.float32)
+
+
+def prints_at(
+    image: Tensor, outline: Outline, places: Sequence[tuple[int, int]], angles: Tensor, pixel_size: float
+) -> list[Print]:
+    """Return what looks most like a print of an outline beside each place; none if there is none at the first places.
+
+    image: (1, 5, rows, cols), an observation. angles: (k,) rad about +z, relative to the thing as it lies.
+    """
+    seen = np.ascontiguousarray(unscaled(image)[0].permute(1, 2, 0).numpy())
+    found = []
+    for place in places:
+        found.append(_best_print(seen, outline, place, angles.numpy(), pixel_size))
+        if len(found) == _TRIED and max(one.contrast for one in found) < _NOTHING:
+            return []  # where one hole is, others are near, and show some contrast, too
+    return found
+
+
+def _best_print(
+    seen: NDArray[np.float32], outline: Outline, place: tuple[int, int], angles: NDArray[np.float32], pixel_size: float
+) -> Print:
+    """Return what looks most like a print of an outline, up to _REACH from a place: roughly, then closer twice."""
+    reach, step = round(_REACH / pixel_size), max(round(_STEP / pixel_size), 1)
+    few = outline._replace(inside=_thinned(outline.inside, _FEW), around=_thinned(outline.around, _FEW))
+    at, turn = _pairs(_around(place, reach, step), angles[:: max(1, len(angles) // _ROUGHLY)])
+    contrast = _contrast(seen, few, at, turn)
+    if contrast.max() < _WORTH:
+        return Print(place, 0, float(contrast.max()))
+    for points, count, shift, slant in ((few, 12, step - 1, 0.17), (outline, 6, 1, 0.06)):
+        best = np.argsort(contrast)[-count:]
+        shifts, slants = _pairs(_around((0, 0), shift, 1), np.array((-slant, 0.0, slant), np.float32))
+        at, turn = (at[best, None] + shifts).reshape(-1, 2), (turn[best, None] + slants).ravel()
+        contrast = _contrast(seen, points, at, turn)
+    found = int(contrast.argmax())
+    row, col = np.rint(at[found] + outline.held @ _turns(turn[found])).astype(int).tolist()
+    return Print((row, col), int(np.cos(angles - turn[found]).argmax()), float(contrast[found]))
+
+
+def _contrast(
+    seen: NDArray[np.float32], outline: Outline, at: NDArray[np.int64], angles: NDArray[np.float32]
+) -> NDArray[np.float32]:
+    """Return the contrast of a print at each of places (n, 2) under its rotation (n,); 0 where something stands.
+
+    seen: (rows, cols, 4), colours in 0..1 and heights [m].
+    """
+    corners = at[:, None].astype(np.float32)
+    inside, around = (_seen_at(seen, points @ _turns(angles) + corners) for points in outline[:2])
+    (within, spread), (beyond, noise) = ((part.mean(1), part[..., :3].var(1).sum(1)) for part in (inside, around))
+    between = np.square(within[:, :3] - beyond[:, :3]).sum(1)
+    return np.where(within[:, 3] - beyond[:, 3] < _FLAT, between / (spread + noise + _NOISE), 0.0)
+
+
+def _turns(angles: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return what turns (row, col), of y and x, by angles about +z if multiplied from the right: (..., 2, 2)."""
+    cos, sin = np.cos(angles), np.sin(angles)
+    return np.stack([np.stack([cos, -sin], -1), np.stack([sin, cos], -1)], -2)
+
+
+def _seen_at(seen: NDArray[np.float32], points: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return what is seen at the cells nearest to points (n, m, 2), those beyond the border at it: (n, m, 4)."""
+    rows, cols = seen.shape[:2]
+    row, col = (np.rint(points[..., axis]).astype(np.int32) for axis in (0, 1))
+    cells = row.clip(0, rows - 1) * cols + col.clip(0, cols - 1)
+    return seen.reshape(-1, seen.shape[-1]).take(cells, axis=0)
+
+
+def _pairs(places: NDArray[np.int64], turns: NDArray[np.float32]) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
+    """Return each place (n, 2) with each turn (m,): (n m, 2) and (n m,)."""
+    return places.repeat(len(turns), 0), np.tile(turns, len(places))
+
+
+def _around(place: tuple[int, int], reach: int, step: int) -> NDArray[np.int64]:
+    """Return the pixels (m, 2) of a square around a place."""
+    steps = np.arange(-(reach // step), reach // step + 1) * step
+    return np.stack(np.meshgrid(steps, steps, indexing="ij"), -1).reshape(-1, 2) + np.array(place)
+
+
+def _disc(reach: float) -> NDArray[np.uint8]:
+    side = 2 * max(round(reach), 1) + 1
+    return np.asarray(cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side)), np.uint8)
+
+
+def _thinned(points: NDArray[Any], most: int) -> NDArray[np.float32]:
+    return points[:: max(1, -(-len(points) // most))].astype(np.float32)

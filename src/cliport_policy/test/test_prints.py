@@ -1,0 +1,226 @@
+"""Prints of what is picked: found by colour and outline, turned as they lie, and taken before all other places."""
+
+import math
+from dataclasses import replace
+from types import SimpleNamespace
+
+import cv2
+import numpy as np
+import pytest
+import torch
+from numpy.typing import NDArray
+
+from cliport_core.heightmap import Heightmap
+from cliport_core.workspace import WorkspaceSpec
+from cliport_policy.fits import share_of_prints, with_prints
+from cliport_policy.networks.policy_network import Goal
+from cliport_policy.networks.rotation import bin_angles
+from cliport_policy.observation import observation_tensor
+from cliport_policy.peaks import CellGrid, Peak, best_rotation, mass_of
+from cliport_policy.places import Places
+from cliport_policy.policy import Policy, load_policy
+from cliport_policy.shapes.prints import Outline, Print, outline_at, prints_at
+from cliport_policy.sides import Side
+
+SPEC = WorkspaceSpec()
+GRID = CellGrid(SPEC, 2)
+ANGLES = bin_angles(36)
+PICK = (60, 40)
+HOOK = np.array([(-12, -9), (12, -9), (12, -2), (-4, -2), (-4, 9), (-12, 9)])  # an L, (row, col)
+TRIANGLE = np.array([(-12, -9), (12, -2), (-4, 9)])
+
+
+class Scene:
+    """Table with a dark print here and there on a brown plate, and a hook that is to be put on one."""
+
+    def __init__(self) -> None:
+        rng = np.random.default_rng(0)
+        self.color = np.full((*SPEC.shape, 3), (165, 120, 95), np.uint8)
+        self.height = np.zeros(SPEC.shape, np.float32)
+        self._noise = rng.normal(0, 3, self.color.shape)
+        self._draw(HOOK, PICK, 0.3, (78, 121, 167), 0.02)
+
+    def show(self, shape: NDArray[np.int64], at: tuple[int, int], turn: float, stands: float = 0.0) -> None:
+        """Show a shape, turned by an angle [rad] against the hook."""
+        self._draw(shape, at, 0.3 + turn, (50, 50, 50), stands)
+
+    def _draw(
+        self, shape: NDArray[np.int64], at: tuple[int, int], angle: float, color: tuple[int, int, int], height: float
+    ) -> None:
+        x, y = shape[:, 1], shape[:, 0]
+        turned = np.stack([math.cos(angle) * x - math.sin(angle) * y, math.sin(angle) * x + math.cos(angle) * y], 1)
+        corners = np.rint(np.add(turned, at[::-1])).astype(np.int32)
+        cv2.fillPoly(self.color, [corners], color)
+        cv2.fillPoly(self.height, [corners], height)
+
+    def heightmap(self) -> Heightmap:
+        """Return what is seen."""
+        color = np.clip(self.color + self._noise, 0, 255).astype(np.uint8)
+        return Heightmap(color, self.height, np.ones(SPEC.shape, np.bool_), SPEC)
+
+    def image(self) -> torch.Tensor:
+        """Return what is seen as a network sees it."""
+        return observation_tensor(self.heightmap())
+
+
+def outline_of(scene: Scene, pick: tuple[int, int] = PICK, yaw: float = 0.0) -> Outline:
+    found = outline_at(scene.image(), pick, yaw, SPEC.pixel_size)
+    assert found is not None
+    return found
+
+
+def prints_of(scene: Scene, *places: tuple[int, int], pick: tuple[int, int] = PICK) -> list[Print]:
+    return prints_at(scene.image(), outline_of(scene, pick), places, ANGLES, SPEC.pixel_size)
+
+
+def test_a_print_is_found_beside_a_place_turned_and_told_from_others() -> None:
+    scene = Scene()
+    scene.show(HOOK, (200, 60), math.radians(120))
+    scene.show(TRIANGLE, (200, 110), 0.0)
+    hook, triangle, far = prints_of(scene, (203, 58), (200, 110), (218, 60))
+    (row, col), cos, sin = outline_of(scene).held, math.cos(math.radians(120)), math.sin(math.radians(120))
+    held = 200 + cos * row + sin * col, 60 - sin * row + cos * col  # x goes along columns, y along rows
+    assert math.dist(hook.pixel, held) < 1.5 and hook.rotation == 12
+    assert hook.contrast > 40 and triangle.contrast < 8
+    assert far.contrast < 8, "so far beside a place nothing is looked for"
+
+
+def test_an_outline_is_of_the_whole_thing_wherever_it_is_picked() -> None:
+    scene = Scene()
+    blue = np.argwhere(scene.height > 0)
+    for pick in ((56, 37), (52, 30)):
+        found = outline_of(scene, pick)
+        assert set(map(tuple, found.inside.astype(int) + pick)) <= set(map(tuple, blue))
+        assert not set(map(tuple, found.around.astype(int) + pick)) & set(map(tuple, blue))
+    assert outline_at(scene.image(), (120, 40), 0.0, SPEC.pixel_size) is None, "nothing stands there"
+    scene.height[:] = 0.0
+    scene.height[50:70, 40:42] = 0.02
+    assert outline_at(scene.image(), PICK, 0.0, SPEC.pixel_size) is None, "too thin to say anything"
+
+
+@pytest.mark.parametrize(
+    ("corners", "yaw", "held"),
+    [
+        ([(-9, -6), (9, -6), (9, 6), (-9, 6)], 0.3, (0, 0)),
+        ([(-9, -6), (9, -6), (-9, 12)], 0.0, (-3, 3)),  # midway between the fingers, which close along x
+        ([(-9, -6), (9, -6), (-9, 12)], math.pi / 2, (0, 0)),
+        (
+            [(-10, -10), (10, -10), (10, -6), (-6, -6), (-6, 10), (-10, 10)],
+            0.0,
+            (-3, -8),
+        ),  # beside it: where it is picked
+    ],
+)
+def test_a_thing_is_held_in_its_middle_or_where_it_is_picked(
+    corners: list[tuple[int, int]], yaw: float, held: tuple[int, int]
+) -> None:
+    scene, pick = Scene(), (57, 32)
+    scene.height[:] = 0.0
+    cv2.fillPoly(scene.height, [np.array([(col + 40, row + 60) for row, col in corners], np.int32)], 0.02)
+    found = outline_of(scene, pick, yaw)
+    assert math.dist(np.add(found.held, pick), np.add(PICK, held)) < 1
+
+
+def test_what_is_held_off_its_pick_is_put_as_far_off() -> None:
+    scene = Scene()
+    scene.color[:, :, :] = (165, 120, 95)
+    scene.height[:] = 0.0
+    scene._draw(TRIANGLE, PICK, 0.3, (78, 121, 167), 0.02)
+    scene.show(TRIANGLE, (200, 60), math.radians(90))
+    held = [np.add(outline_of(scene, pick).held, pick) for pick in (PICK, (57, 39))]
+    at = [prints_of(scene, (200, 60), pick=pick)[0] for pick in (PICK, (57, 39))]
+    assert math.dist(*held) < 1 and math.dist(at[0].pixel, at[1].pixel) < 2
+    assert at[0].rotation == at[1].rotation == 9
+
+
+def test_where_something_stands_there_is_no_print_but_a_hole_is_one() -> None:
+    for stands, found in ((0.02, False), (-0.01, True)):
+        scene = Scene()
+        scene.show(HOOK, (200, 60), 0.0, stands)
+        assert (prints_of(scene, (200, 60))[0].contrast > 8) == found
+
+
+def test_where_the_first_two_places_show_nothing_no_more_are_looked_at() -> None:
+    scene = Scene()
+    scene.show(HOOK, (120, 100), 0.0)
+    assert prints_of(scene, (200, 60), (240, 60), (120, 100)) == []
+    assert len(prints_of(scene, (120, 100), (200, 60), (240, 60))) == 3
+
+
+def _print(contrast: float, pixel: tuple[int, int] = (100, 60), rotation: int = 1) -> Print:
+    return Print(pixel, rotation, contrast)
+
+
+def test_contrast_says_which_print_and_the_transport_half_as_loud() -> None:
+    shares = torch.tensor([0.81, 0.09]).log()
+    assert share_of_prints(shares, []) is None and share_of_prints(shares, [_print(7.9), _print(1.0)]) is None
+    for contrasts, odds in (((50.0, 90.0), 3.0), ((10.0, 20.0), 3.0 / 4), ((0.2, 20.0), 3.0 / 400)):
+        found = share_of_prints(shares, [_print(contrast) for contrast in contrasts])
+        assert found is not None and float((found[0] - found[1]).exp()) == pytest.approx(odds, rel=1e-4)
+        assert float(found.exp().sum()) == pytest.approx(1.0)
+
+
+def test_what_is_put_on_a_print_lies_there_and_is_turned_so() -> None:
+    prints = [_print(9.0, (100, 61), 3), _print(9.0, (31, 50), 0)]
+    mass = mass_of(with_prints(torch.randn(4, *GRID.shape), prints, torch.tensor([0.7, 0.3]).log(), 2))
+    assert best_rotation(mass) == 3 and float(mass[3].sum()) == pytest.approx(0.7, abs=1e-3)
+    assert float(mass[0].sum()) == pytest.approx(0.3, abs=1e-3)
+    for one in prints:
+        assert math.dist(GRID.peak(mass[one.rotation]).pixel, one.pixel) <= 1
+
+
+def _likely(odds: dict[tuple[int, int], float]) -> torch.Tensor:
+    logits = torch.full((1, 36, *GRID.shape), -20.0)
+    for pixel, share in odds.items():
+        logits[(0, 0, *GRID.cell_of(pixel))] = math.log(share)
+    return logits
+
+
+def test_a_print_is_taken_before_a_place_that_is_likelier_and_of_equal_ones_that_at_the_side() -> None:
+    scene = Scene()
+    near, far, other = (180, 60), (260, 60), (220, 110)
+    scene.show(HOOK, near, math.radians(60))
+    scene.show(HOOK, far, math.radians(-60))
+    scene.show(TRIANGLE, other, 0.0)
+    pick, image = Peak((56, 37), GRID.disc(GRID.cell_of(PICK))), scene.image()
+    chooser = Places(SimpleNamespace(cell_size=2), GRID, fits_prints=True)  # type: ignore[arg-type]
+    found = chooser.on_prints(image, pick, None, _likely({other: 0.9, near: 0.08, far: 0.02}))
+    assert found is not None
+    assert math.dist(found[0].pixel, np.add(pick.pixel, outline_of(scene, pick.pixel).held)) < 1
+    assert found[0].near is pick.near
+    for side, pixel, rotation in ((None, near, 6), (Side.LEFT, near, 6), (Side.RIGHT, far, 30), (Side.MIDDLE, near, 6)):
+        mass = mass_of((found[1] if side is None else chooser.at_side(side, found[1]))[0])
+        assert best_rotation(mass) == rotation and math.dist(GRID.peak(mass[rotation]).pixel, pixel) < 6
+    assert chooser.on_prints(image, pick, None, _likely({other: 1.0})) is None, "no print of it is likely"
+    assert chooser.on_prints(image, pick, None, _likely({near: 0.8, PICK: 0.2})) is None, "it hides what is under it"
+    assert chooser.on_prints(image, pick, None, _likely({near: 0.9, PICK: 0.1})) is not None
+    without = Places(SimpleNamespace(cell_size=2), GRID, fits_prints=False)  # type: ignore[arg-type]
+    assert without.on_prints(image, pick, None, _likely({near: 1.0})) is None
+
+
+def test_only_a_policy_that_fits_prints_looks_for_them_and_asks_no_aligner_then(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    policy, asked = load_policy("default", precision="float32"), list[str]()
+    here = _likely({(200, 60): 1.0})
+
+    def on_prints(
+        self: Places, image: object, pick: Peak, yaws: object, places: torch.Tensor
+    ) -> tuple[Peak, torch.Tensor] | None:
+        asked.append("prints")
+        return (pick._replace(pixel=(60, 41)), here) if self._fits_prints else None
+
+    def with_fits(
+        self: Places, image: object, goal: Goal, pick: object, yaws: object, places: torch.Tensor
+    ) -> torch.Tensor:
+        asked.append("fits")
+        return places
+
+    monkeypatch.setattr(Places, "on_prints", on_prints)
+    monkeypatch.setattr(Places, "with_fits", with_fits)
+    without = replace(policy.card, network=replace(policy.card.network, fits_prints=False))  # type: ignore[type-var]
+    for one in (policy, Policy(policy._network, policy._anchors, without, policy._encoder)):
+        action = one.infer(Scene().heightmap(), "put the blue letter L shape in the letter L shape hole").action
+        moved = math.dist((action.pick.x, action.pick.y), SPEC.pixel_to_xy(60, 41))
+        assert (moved < 1e-6) == (one is policy)
+    assert asked == ["prints", "prints", "fits"]
