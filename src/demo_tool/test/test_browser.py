@@ -25,6 +25,7 @@ def test_by_mouse_from_box_to_saved_episode(person: Person) -> None:
     person.words("place", "+30°")
     person.page.locator(".end-drawing.pick .finger").first.wait_for(state="attached")
     person.click("#preview")
+    until(lambda: person.place.arm.goals, "a plan is asked for")  # "Reachable" is said before, of what is drawn
     person.page.locator("#plan", has_text="Reachable").wait_for()
     assert not person.place.arm.goals[-1].action.pick.yaw < 1.5
     person.click("#execute")
