@@ -98,6 +98,14 @@ def test_an_outline_is_of_the_whole_thing_wherever_it_is_picked() -> None:
     assert outline_at(scene.image(), PICK, 0.0, SPEC.pixel_size) is None, "too thin to say anything"
 
 
+def test_of_two_things_side_by_side_the_outline_is_that_of_the_one_that_is_picked() -> None:
+    scene = Scene()
+    scene.height[:] = 0.0
+    scene.height[40:56, 30:50] = scene.height[58:74, 30:50] = 0.02
+    for row, middle in ((58, 65.5), (55, 47.5)):  # at an edge each, three pixels from the other
+        assert abs(outline_of(scene, (row, 40)).inside[:, 0].mean() + row - middle) < 1
+
+
 @pytest.mark.parametrize(
     ("corners", "yaw", "held"),
     [
@@ -188,6 +196,11 @@ def test_a_print_is_taken_before_a_place_that_is_likelier_and_of_equal_ones_that
     assert found is not None
     assert math.dist(found[0].pixel, np.add(pick.pixel, outline_of(scene, pick.pixel).held)) < 1
     assert found[0].near is pick.near
+    across = torch.zeros(1, 36)
+    across[0, 9] = 1.0  # the jaws close along y
+    turned = chooser.on_prints(image, pick, across, _likely({near: 1.0}))
+    expected = np.add(pick.pixel, outline_of(scene, pick.pixel, math.pi / 2).held)
+    assert turned is not None and math.dist(turned[0].pixel, expected) < 1 < math.dist(turned[0].pixel, found[0].pixel)
     for side, pixel, rotation in ((None, near, 6), (Side.LEFT, near, 6), (Side.RIGHT, far, 30), (Side.MIDDLE, near, 6)):
         mass = mass_of((found[1] if side is None else chooser.at_side(side, found[1]))[0])
         assert best_rotation(mass) == rotation and math.dist(GRID.peak(mass[rotation]).pixel, pixel) < 6

@@ -58,16 +58,17 @@ def outline_at(image: Tensor, pixel: tuple[int, int], yaw: float, pixel_size: fl
     image: (1, 5, rows, cols), an observation. yaw: of the jaws [rad].
     """
     height, valid = unscaled(image)[0, 3].numpy(), image[0, 4].numpy() > 0
-    for thing in standing(height, valid, pixel_size):
-        points = np.argwhere(thing)
-        if np.hypot(*(points - np.array(pixel)).T).min() <= _BESIDE_PICK / pixel_size:
-            gap, band = (_disc(reach / pixel_size) for reach in (_GAP, _BAND))
-            cells = np.pad(thing.astype(np.uint8), len(band))
-            parts = cv2.erode(cells, gap), cv2.dilate(cells, band) - cv2.dilate(cells, gap)
-            inside, around = (_thinned(np.argwhere(part) - np.array(pixel) - len(band), _POINTS) for part in parts)
-            held = _held(thing, points, pixel, yaw, pixel_size)
-            return Outline(inside, around, held) if min(len(inside), len(around)) >= _LEAST_POINTS else None
-    return None
+    things = [(thing, np.argwhere(thing)) for thing in standing(height, valid, pixel_size)]
+    beside = [np.hypot(*(points - np.array(pixel)).T).min() for _, points in things]
+    if not things or min(beside) > _BESIDE_PICK / pixel_size:
+        return None
+    thing, points = things[int(np.argmin(beside))]
+    gap, band = (_disc(reach / pixel_size) for reach in (_GAP, _BAND))
+    cells = np.pad(thing.astype(np.uint8), len(band))
+    parts = cv2.erode(cells, gap), cv2.dilate(cells, band) - cv2.dilate(cells, gap)
+    inside, around = (_thinned(np.argwhere(part) - np.array(pixel) - len(band), _POINTS) for part in parts)
+    held = _held(thing, points, pixel, yaw, pixel_size)
+    return Outline(inside, around, held) if min(len(inside), len(around)) >= _LEAST_POINTS else None
 
 
 def _held(
