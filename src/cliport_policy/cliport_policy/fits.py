@@ -12,6 +12,7 @@ from cliport_policy.networks.policy_network import Goal, Placings, PolicyNetwork
 from cliport_policy.networks.rotation import bin_angles
 from cliport_policy.peaks import Peak
 from cliport_policy.shapes.prints import Print
+from cliport_policy.turns import split_over
 
 _LOOKED_AT_AGAIN = 8  # pairs of a place and a rotation, the likeliest ones at a first look
 _BESIDE = tuple((row, col) for row in (-2.0, 0.0, 2.0) for col in (-2.0, 0.0, 2.0))  # pixels: 5 mm around a place
@@ -20,6 +21,7 @@ _CLEAR = 8.0  # contrast from which on a patch is a print,
 _AS_CLEAR = 40.0  # and beyond which more says nothing
 _HEARD = 0.5  # how far the transport's own odds between prints count
 _OUT = 20.0  # logits that put all else out
+_NO_PART = 1e-6  # of a turn, instead of none
 _SPREAD = 0.7  # of a place over cells, as a standard deviation [cells]
 
 
@@ -95,7 +97,9 @@ def with_prints(places: Tensor, prints: Sequence[Print], shares: Tensor, cell_si
     for one, share in zip(prints, shares, strict=True):
         row, col = ((pixel - (cell_size - 1) / 2) / cell_size for pixel in one.pixel)
         near = -((rows[:, None] - row).square() + (cols - col).square()) / (2 * _SPREAD**2)
-        joint[one.rotation] = torch.logaddexp(joint[one.rotation], share + near.flatten().log_softmax(0).view_as(near))
+        there = share + near.flatten().log_softmax(0).view_as(near)
+        for rotation, part in split_over(one.turn, len(places)):
+            joint[rotation] = torch.logaddexp(joint[rotation], there + math.log(max(part, _NO_PART)))
     return joint
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 import torch
@@ -12,8 +13,9 @@ from cliport_policy.fits import seen_fits, share_of_prints, shares_of, with_fits
 from cliport_policy.networks.policy_network import Goal, PolicyNetwork
 from cliport_policy.networks.rotation import bin_angles
 from cliport_policy.peaks import CellGrid, Peak, mass_of
-from cliport_policy.shapes.prints import outline_at, prints_at
+from cliport_policy.shapes.prints import Pixel, Print, covered_at, outline_at, prints_at
 from cliport_policy.sides import Side, at_own_side, at_side
+from cliport_policy.turns import likeliest_turn
 
 _MOST_ALIKE = 6  # places among which a side may be named,
 _ALIKE = 0.15  # and how likely they are at least, relative to the likeliest
@@ -35,9 +37,10 @@ class Places:
     def at_side(self, side: Side, places: Tensor) -> Tensor:
         """Return the logits, with all but the one at a side of those that are alike put out."""
         alike = self._alike(places[0].float(), _ALIKE)
-        if side is Side.MIDDLE and len(alike) < 3:
+        found = at_side(side, [peak.pixel for peak in alike])
+        if found is None:
             return places
-        chosen = alike[at_side(side, [peak.pixel for peak in alike])]
+        chosen = alike[found]
         return places - _OUT * torch.from_numpy(~chosen.near)
 
     def at_own_side(self, side: Side, front: Tensor, back: Tensor, places: Tensor) -> Tensor:
@@ -54,7 +57,9 @@ class Places:
         found = at_own_side(side, *points)
         return places - _OUT * torch.from_numpy(~likely[found[0]].near) if found else places
 
-    def on_prints(self, image: Tensor, pick: Peak, yaws: Tensor | None, places: Tensor) -> tuple[Peak, Tensor] | None:
+    def on_prints(
+        self, image: Tensor, pick: Peak, yaws: Tensor | None, places: Tensor, side: Side | None
+    ) -> tuple[Peak, Tensor] | None:
         """Return the pick midway between the jaws, and the logits where that goes; None without a print.
 
         So it does not matter whether a hand takes a thing where it is picked or centres it between its jaws. What may
@@ -63,7 +68,7 @@ class Places:
         if not self._fits_prints:
             return None
         logits, angles, pixel_size = places[0].float(), bin_angles(places.shape[1]), self._grid.workspace.pixel_size
-        outline = outline_at(image, pick.pixel, _likeliest(angles, yaws), pixel_size)
+        outline = outline_at(image, pick.pixel, _yaw(yaws), pixel_size)
         if outline is None:
             return None
         candidates = self._grid.peaks(mass_of(logits), _PRINTS, _LEAST_PRINT)
@@ -76,13 +81,16 @@ class Places:
         if dealt is None:
             return None
         row, col = np.rint(outline.held + pick.pixel).astype(int).tolist()
+        if side is not None:
+            clearest = max(prints, key=lambda one: one.contrast)
+            taken = covered_at(image, outline, pick.pixel, clearest, pixel_size) if side is Side.MIDDLE else []
+            dealt = _at_side(side, prints, dealt, taken)
         return pick._replace(pixel=(row, col)), with_prints(logits, prints, dealt, self._grid.cell_size)[None]
 
     def with_fits(self, image: Tensor, goal: Goal, pick: Tensor, yaws: Tensor | None, places: Tensor) -> Tensor:
         """Return the logits, with what an aligner thinks of the likeliest places. pick: (1, 2) float pixel."""
         candidates = self._grid.peaks(mass_of(places[0].float()), _CANDIDATES, _LEAST_SHARE)
-        angles = bin_angles(places.shape[1])
-        yaw = torch.tensor([_likeliest(angles, yaws)])
+        yaw = torch.tensor([_yaw(yaws)])
         fits = seen_fits(self._network, image, goal, pick, yaw, candidates, places[0].float())
         return with_fits(places[0].float(), candidates, fits)[None]
 
@@ -94,6 +102,13 @@ class Places:
         return [peak for peak, share in zip(peaks, shares, strict=True) if share >= least * max(shares)]
 
 
-def _likeliest(angles: Tensor, yaws: Tensor | None) -> float:
-    """Return the angle [rad] with the largest of a rotator's logits (1, k), or the first one without a rotator."""
-    return float(angles[0 if yaws is None else int(yaws.argmax())])
+def _at_side(side: Side, prints: Sequence[Print], shares: Tensor, taken: Sequence[Pixel]) -> Tensor:
+    """Return the logarithms of the shares (n,) of n prints, with all but the one at a side of those alike put out."""
+    alike = (shares >= shares.max() + math.log(_ALIKE)).nonzero()[:, 0].tolist()
+    found = at_side(side, [prints[index].centre for index in alike], taken)
+    return shares if found is None else shares - _OUT * (torch.arange(len(shares)) != alike[found])
+
+
+def _yaw(yaws: Tensor | None) -> float:
+    """Return the angle [rad] that a rotator's logits (1, k) mean, 0 without a rotator."""
+    return 0.0 if yaws is None else likeliest_turn(mass_of(yaws[0].float()))

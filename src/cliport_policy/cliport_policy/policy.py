@@ -27,7 +27,6 @@ from cliport_policy.memory import release_unused
 from cliport_policy.named_colors import with_colors_alike
 from cliport_policy.networks.factory import compile_network, restore_network
 from cliport_policy.networks.policy_network import Goal, PolicyNetwork
-from cliport_policy.networks.rotation import bin_angles
 from cliport_policy.null_odds import absence
 from cliport_policy.observation import observation_tensor
 from cliport_policy.odds import shifted
@@ -37,6 +36,7 @@ from cliport_policy.presence.presence import Missing, Presence
 from cliport_policy.presence.stored import load_presence
 from cliport_policy.shapes.reader import Outlined, led_picks
 from cliport_policy.sides import Side, own_side_named, side_named
+from cliport_policy.turns import likeliest_turn
 
 _WARM_UP = "put the red blocks in the green bowl"
 
@@ -176,10 +176,10 @@ class Policy:
         primitives = network.score_primitives(image, aim)
         chosen = None if primitives is None else primitives[0].float()
         is_placed = self._primitive(chosen) is Primitive.PICK_PLACE  # what is swept or folded fits nowhere
-        printed = self._places.on_prints(image, pick, yaws, places) if is_placed else None
+        printed = self._places.on_prints(image, pick, yaws, places, side) if is_placed else None
         if printed is not None:
             pick, places = printed
-        if side is not None:
+        elif side is not None:
             places = self._places.at_side(side, places)
         if network.has_aligner and is_placed and printed is None:
             places = self._places.with_fits(image, aim, pixel, yaws, places)
@@ -187,17 +187,22 @@ class Policy:
 
     def place_peak(self, scores: Scores) -> Peak:
         """Return the best place at its best rotation."""
+        return self._place(scores)[0]
+
+    def _place(self, scores: Scores) -> tuple[Peak, float]:
+        """Return the best place at its best rotation, and the turn there [rad]."""
         mass = mass_of(scores.places)
-        return self.grid.peak(mass[best_rotation(mass)])
+        peak = self.grid.peak(mass[best_rotation(mass)])
+        return peak, likeliest_turn(mass[:, peak.near].sum(1))
 
     def _decide(self, scores: Scores, with_maps: bool) -> Explanation:
         """Choose the action. Temperatures change how sure the policy is, not what it does."""
-        pick, place = scores.pick, self.place_peak(scores)
+        pick, (place, turn) = scores.pick, self._place(scores)
         pick_mass = mass_of(scores.picks, self.card.temperature("pick")).reshape(self.grid.shape)
         place_mass = mass_of(scores.places, self.card.temperature("place"))
         yaws = None if scores.yaws is None else mass_of(scores.yaws)
-        pick_yaw = 0.0 if yaws is None else self._angle(int(yaws.argmax()))
-        place_yaw = math.remainder(pick_yaw + self._angle(best_rotation(place_mass)), 2 * math.pi)
+        pick_yaw = 0.0 if yaws is None else math.remainder(likeliest_turn(yaws), 2 * math.pi)
+        place_yaw = math.remainder(pick_yaw + turn, 2 * math.pi)
         primitive = self._primitive(scores.primitives)
         nulls = mass_of(torch.cat((scores.picks, scores.nulls)))[len(scores.picks) :]
         pick_confidence, place_confidence = pick.confidence(pick_mass), place.confidence(place_mass.sum(0))
@@ -251,10 +256,6 @@ class Policy:
         if goal is None and self._network.needs_goal_image:
             raise ObservationError("this policy acts on an image of the goal: hand the goal's heightmap to infer")
         return None if goal is None else self._tensor(goal)
-
-    def _angle(self, index: int) -> float:
-        """Return the angle of a rotation bin [rad]."""
-        return float(bin_angles(self.card.network.n_rotations)[index])
 
     def _maps(self, pick: NDArray[np.float32], place: NDArray[np.float32]) -> AffordanceMaps:
         return AffordanceMaps(self._full_size(pick), self._full_size(place))

@@ -111,12 +111,18 @@ def _is_picks(text: str, named: re.Match[str]) -> bool:
     return named[1] is not None and _TO_PLACE.search(text) is not None and _WITH.search(text, named.end()) is None
 
 
-def at_side(side: Side, pixels: Sequence[tuple[int, int]]) -> int:
-    """Return the index of the pixel (row, col) that lies at a side of the others; the middle one is next to their mean.
+def at_side(side: Side, pixels: Sequence[tuple[int, int]], taken: Sequence[tuple[int, int]] = ()) -> int | None:
+    """Return the index of the pixel (row, col) that lies at a side of the others, of which there must be one at least.
 
-    There must be one at least.
+    The middle one is that next to the mean of all, and of taken ones, too, which no other word would name; None where
+    there are only two.
     """
-    middle = [sum(axis) / len(pixels) for axis in zip(*pixels, strict=True)]
+    everything = [*pixels, *taken]
+    if side is Side.MIDDLE and len(everything) < 3:
+        return None
+    middle = [sum(axis) / len(everything) for axis in zip(*everything, strict=True)]
+    at_none = [index for index, pixel in enumerate(pixels) if not _is_at_a_side(pixel, everything)]
+    allowed = at_none if side is Side.MIDDLE and at_none else range(len(pixels))
 
     def far(index: int) -> float:
         row, col = pixels[index]
@@ -128,4 +134,13 @@ def at_side(side: Side, pixels: Sequence[tuple[int, int]]) -> int:
             Side.MIDDLE: math.dist((row, col), middle),
         }[side]
 
-    return min(range(len(pixels)), key=far)
+    return min(allowed, key=far)
+
+
+def _is_at_a_side(pixel: tuple[int, int], everything: Sequence[tuple[int, int]]) -> bool:
+    """Return True for what is nearest to the robot or farthest, more so than sideways, and for what is outermost."""
+    away = [(other[1] - pixel[1], other[0] - pixel[0]) for other in everything if other != pixel]  # along x and y
+    along_x = all(abs(x) > abs(y) for x, y in away)
+    return any(
+        (along_x and all(sign * x > 0 for x, _ in away)) or all(sign * y > 0 for _, y in away) for sign in (1, -1)
+    )

@@ -19,8 +19,9 @@ from cliport_policy.observation import observation_tensor
 from cliport_policy.peaks import CellGrid, Peak, best_rotation, mass_of
 from cliport_policy.places import Places
 from cliport_policy.policy import Policy, load_policy
-from cliport_policy.shapes.prints import Outline, Print, outline_at, prints_at
+from cliport_policy.shapes.prints import Outline, Print, covered_at, outline_at, prints_at
 from cliport_policy.sides import Side
+from cliport_policy.turns import likeliest_turn
 
 SPEC = WorkspaceSpec()
 GRID = CellGrid(SPEC, 2)
@@ -80,7 +81,7 @@ def test_a_print_is_found_beside_a_place_turned_and_told_from_others() -> None:
     hook, triangle, far = prints_of(scene, (203, 58), (200, 110), (218, 60))
     (row, col), cos, sin = outline_of(scene).held, math.cos(math.radians(120)), math.sin(math.radians(120))
     held = 200 + cos * row + sin * col, 60 - sin * row + cos * col  # x goes along columns, y along rows
-    assert math.dist(hook.pixel, held) < 1.5 and hook.rotation == 12
+    assert math.dist(hook.pixel, held) < 1.5 and hook.turn == pytest.approx(math.radians(120), abs=0.06)
     assert hook.contrast > 40 and triangle.contrast < 8
     assert far.contrast < 8, "so far beside a place nothing is looked for"
 
@@ -110,16 +111,13 @@ def test_of_two_things_side_by_side_the_outline_is_that_of_the_one_that_is_picke
     ("corners", "yaw", "held"),
     [
         ([(-9, -6), (9, -6), (9, 6), (-9, 6)], 0.3, (0, 0)),
-        ([(-9, -6), (9, -6), (-9, 12)], 0.0, (-3, 3)),  # midway between the fingers, which close along x
-        ([(-9, -6), (9, -6), (-9, 12)], math.pi / 2, (0, 0)),
-        (
-            [(-10, -10), (10, -10), (10, -6), (-6, -6), (-6, 10), (-10, 10)],
-            0.0,
-            (-3, -8),
-        ),  # beside it: where it is picked
+        ([(-9, -6), (9, -6), (-9, 12)], 0.0, (-3, 2)),  # midway between what jaws of 21 mm touch, which close along x
+        ([(-9, -6), (9, -6), (-9, 12)], math.pi / 2, (-1, 0)),
+        ([(-10, -10), (10, -10), (10, -6), (-6, -6), (-6, 10), (-10, 10)], 0.0, (-3.6, 0)),  # in its corner
+        ([(-9, -20), (9, -20), (9, 20), (-9, 20)], 0.0, (-3, -8)),  # too wide: where it is picked
     ],
 )
-def test_a_thing_is_held_in_its_middle_or_where_it_is_picked(
+def test_a_thing_is_held_between_what_jaws_touch(
     corners: list[tuple[int, int]], yaw: float, held: tuple[int, int]
 ) -> None:
     scene, pick = Scene(), (57, 32)
@@ -138,7 +136,7 @@ def test_what_is_held_off_its_pick_is_put_as_far_off() -> None:
     held = [np.add(outline_of(scene, pick).held, pick) for pick in (PICK, (57, 39))]
     at = [prints_of(scene, (200, 60), pick=pick)[0] for pick in (PICK, (57, 39))]
     assert math.dist(*held) < 1 and math.dist(at[0].pixel, at[1].pixel) < 2
-    assert at[0].rotation == at[1].rotation == 9
+    assert [one.turn for one in at] == pytest.approx([math.radians(90)] * 2, abs=0.06)
 
 
 def test_where_something_stands_there_is_no_print_but_a_hole_is_one() -> None:
@@ -148,6 +146,36 @@ def test_where_something_stands_there_is_no_print_but_a_hole_is_one() -> None:
         assert (prints_of(scene, (200, 60))[0].contrast > 8) == found
 
 
+def test_what_hides_a_print_is_known_by_its_outline_and_what_it_lies_on() -> None:
+    scene = Scene()
+    scene.height[150:] += 0.005  # a plate
+    scene.show(HOOK, (200, 60), math.radians(120))
+    on_plate, beside, other = (250, 40), (110, 60), (250, 110)
+    for shape, at in ((HOOK, on_plate), (HOOK, beside), (TRIANGLE, other)):
+        scene.show(shape, at, math.radians(70), 0.025)
+    outline = outline_of(scene)
+    found = prints_at(scene.image(), outline, [(200, 60)], ANGLES, SPEC.pixel_size)[0]
+    covered = covered_at(scene.image(), outline, PICK, found, SPEC.pixel_size)
+    assert len(covered) == 1 and math.dist(covered[0], on_plate) < 6
+    assert math.dist(found.centre, (200, 60)) < 6
+
+
+def test_the_middle_of_three_prints_is_known_where_one_of_them_is_covered() -> None:
+    scene = Scene()
+    scene.height[150:] += 0.005
+    at = [(180, 60), (220, 64), (260, 60)]
+    for pixel in at[:2]:
+        scene.show(HOOK, pixel, 0.0)
+    scene.show(HOOK, at[2], 1.0, 0.025)
+    pick, image = Peak(PICK, GRID.disc(GRID.cell_of(PICK))), scene.image()
+    chooser = Places(SimpleNamespace(cell_size=2), GRID, fits_prints=True)  # type: ignore[arg-type]
+    for side, expected in ((Side.MIDDLE, at[1]), (Side.LEFT, at[0]), (Side.RIGHT, at[1])):
+        found = chooser.on_prints(image, pick, None, _likely({at[0]: 0.6, at[1]: 0.4}), side)
+        assert found is not None
+        mass = mass_of(found[1][0])
+        assert math.dist(GRID.peak(mass[best_rotation(mass)]).pixel, expected) < 8
+
+
 def test_where_the_first_two_places_show_nothing_no_more_are_looked_at() -> None:
     scene = Scene()
     scene.show(HOOK, (120, 100), 0.0)
@@ -155,8 +183,8 @@ def test_where_the_first_two_places_show_nothing_no_more_are_looked_at() -> None
     assert len(prints_of(scene, (120, 100), (200, 60), (240, 60))) == 3
 
 
-def _print(contrast: float, pixel: tuple[int, int] = (100, 60), rotation: int = 1) -> Print:
-    return Print(pixel, rotation, contrast)
+def _print(contrast: float, pixel: tuple[int, int] = (100, 60), turn: float = 0.1) -> Print:
+    return Print(pixel, turn, contrast, pixel)
 
 
 def test_contrast_says_which_print_and_the_transport_half_as_loud() -> None:
@@ -169,12 +197,16 @@ def test_contrast_says_which_print_and_the_transport_half_as_loud() -> None:
 
 
 def test_what_is_put_on_a_print_lies_there_and_is_turned_so() -> None:
-    prints = [_print(9.0, (100, 61), 3), _print(9.0, (31, 50), 0)]
-    mass = mass_of(with_prints(torch.randn(4, *GRID.shape), prints, torch.tensor([0.7, 0.3]).log(), 2))
-    assert best_rotation(mass) == 3 and float(mass[3].sum()) == pytest.approx(0.7, abs=1e-3)
-    assert float(mass[0].sum()) == pytest.approx(0.3, abs=1e-3)
-    for one in prints:
-        assert math.dist(GRID.peak(mass[one.rotation]).pixel, one.pixel) <= 1
+    prints = [_print(9.0, (100, 61), math.radians(273)), _print(9.0, (31, 50), math.radians(-3))]
+    mass = mass_of(with_prints(torch.randn(36, *GRID.shape), prints, torch.tensor([0.7, 0.3]).log(), 2))
+    assert best_rotation(mass) == 27 and float(mass[27:29].sum()) == pytest.approx(0.7, abs=1e-3)
+    assert float(mass[[35, 0]].sum()) == pytest.approx(0.3, abs=1e-3)
+    for one, rotation in zip(prints, (27, 0), strict=True):
+        found = GRID.peak(mass[rotation])
+        assert math.dist(found.pixel, one.pixel) <= 1
+        assert math.remainder(likeliest_turn(mass[:, found.near].sum(1)) - one.turn, 2 * math.pi) == pytest.approx(
+            0.0, abs=1e-3
+        )
 
 
 def _likely(odds: dict[tuple[int, int], float]) -> torch.Tensor:
@@ -192,23 +224,28 @@ def test_a_print_is_taken_before_a_place_that_is_likelier_and_of_equal_ones_that
     scene.show(TRIANGLE, other, 0.0)
     pick, image = Peak((56, 37), GRID.disc(GRID.cell_of(PICK))), scene.image()
     chooser = Places(SimpleNamespace(cell_size=2), GRID, fits_prints=True)  # type: ignore[arg-type]
-    found = chooser.on_prints(image, pick, None, _likely({other: 0.9, near: 0.08, far: 0.02}))
+    likely = _likely({other: 0.9, near: 0.08, far: 0.02})
+    found = chooser.on_prints(image, pick, None, likely, None)
     assert found is not None
     assert math.dist(found[0].pixel, np.add(pick.pixel, outline_of(scene, pick.pixel).held)) < 1
     assert found[0].near is pick.near
     across = torch.zeros(1, 36)
     across[0, 9] = 1.0  # the jaws close along y
-    turned = chooser.on_prints(image, pick, across, _likely({near: 1.0}))
+    turned = chooser.on_prints(image, pick, across, _likely({near: 1.0}), None)
     expected = np.add(pick.pixel, outline_of(scene, pick.pixel, math.pi / 2).held)
     assert turned is not None and math.dist(turned[0].pixel, expected) < 1 < math.dist(turned[0].pixel, found[0].pixel)
     for side, pixel, rotation in ((None, near, 6), (Side.LEFT, near, 6), (Side.RIGHT, far, 30), (Side.MIDDLE, near, 6)):
-        mass = mass_of((found[1] if side is None else chooser.at_side(side, found[1]))[0])
+        at = chooser.on_prints(image, pick, None, likely, side)
+        assert at is not None
+        mass = mass_of(at[1][0])
         assert best_rotation(mass) == rotation and math.dist(GRID.peak(mass[rotation]).pixel, pixel) < 6
-    assert chooser.on_prints(image, pick, None, _likely({other: 1.0})) is None, "no print of it is likely"
-    assert chooser.on_prints(image, pick, None, _likely({near: 0.8, PICK: 0.2})) is None, "it hides what is under it"
-    assert chooser.on_prints(image, pick, None, _likely({near: 0.9, PICK: 0.1})) is not None
+    assert chooser.on_prints(image, pick, None, _likely({other: 1.0}), None) is None, "no print of it is likely"
+    assert chooser.on_prints(image, pick, None, _likely({near: 0.8, PICK: 0.2}), None) is None, (
+        "it hides what is under it"
+    )
+    assert chooser.on_prints(image, pick, None, _likely({near: 0.9, PICK: 0.1}), None) is not None
     without = Places(SimpleNamespace(cell_size=2), GRID, fits_prints=False)  # type: ignore[arg-type]
-    assert without.on_prints(image, pick, None, _likely({near: 1.0})) is None
+    assert without.on_prints(image, pick, None, _likely({near: 1.0}), None) is None
 
 
 def test_only_a_policy_that_fits_prints_looks_for_them_and_asks_no_aligner_then(
@@ -218,7 +255,7 @@ def test_only_a_policy_that_fits_prints_looks_for_them_and_asks_no_aligner_then(
     here = _likely({(200, 60): 1.0})
 
     def on_prints(
-        self: Places, image: object, pick: Peak, yaws: object, places: torch.Tensor
+        self: Places, image: object, pick: Peak, yaws: object, places: torch.Tensor, side: Side | None
     ) -> tuple[Peak, torch.Tensor] | None:
         asked.append("prints")
         return (pick._replace(pixel=(60, 41)), here) if self._fits_prints else None

@@ -49,11 +49,21 @@ def test_a_sentence_names_the_side_of_its_place(sentence: str, side: Side | None
 
 def test_top_is_towards_the_robot_and_left_towards_minus_y() -> None:
     pixels = [(50, 60), (10, 70), (50, 90), (90, 75), (52, 76)]  # (row, col)
-    found = {side: pixels[at_side(side, pixels)] for side in Side}
+    found = {side: pixels[index] for side in Side if (index := at_side(side, pixels)) is not None}
     assert found == {
         Side.TOP: (50, 60), Side.LEFT: (10, 70), Side.BOTTOM: (50, 90), Side.RIGHT: (90, 75), Side.MIDDLE: (52, 76),
     }  # fmt: skip
     assert at_side(Side.RIGHT, pixels[:1]) == 0
+
+
+def test_the_middle_is_what_no_other_side_is_and_between_what_is_taken_too() -> None:
+    pixels = [(40, 36), (75, 68), (70, 40), (48, 99)]  # left, right, and two of neither
+    assert at_side(Side.MIDDLE, pixels) == 2, "the left one is nearer to their mean"
+    assert at_side(Side.MIDDLE, pixels[:2]) is None and at_side(Side.LEFT, pixels[:2]) == 0
+    assert at_side(Side.MIDDLE, [(80, 50), (45, 52)], taken=[(10, 50)]) == 1
+    assert at_side(Side.MIDDLE, [(45, 50)], taken=[(80, 50)]) is None
+    assert at_side(Side.MIDDLE, [(80, 50), (10, 52)], taken=[(45, 50)]) == 0, "all are at a side: next to the mean"
+    assert at_side(Side.LEFT, [(80, 50), (45, 52)], taken=[(10, 50)]) == 1, "what is taken is not meant"
 
 
 @pytest.mark.parametrize(

@@ -13,9 +13,10 @@ from torch import Tensor
 
 from cliport_policy.observation import unscaled
 from cliport_policy.shapes.silhouettes import standing
+from panda_model import load_preset
 
+_HAND = load_preset().hand  # whose jaws hold what is picked
 _BESIDE_PICK = 0.01  # how far beside a thing it may be picked, at a ring's middle say [m]
-_OFF_CENTROID = 0.004  # and how far from its centroid it is held as a whole where nothing of it is [m]
 _REACH, _STEP = 0.01, 0.005  # how far beside a place a print is looked for, and in which steps at first [m]
 _GAP, _BAND = 0.0025, 0.01  # what lies around a print is looked at from here to there beyond its edge [m]
 _FLAT = 0.006  # what stands out so far within the outline is no print [m]
@@ -26,30 +27,38 @@ _ROUGHLY = 18  # rotations at the first look
 _WORTH = 2.0  # contrast then from which on a place is looked at again
 _TRIED, _NOTHING = 2, 1.0  # places after which no more are looked at, if the contrast was less than this
 _NOISE = 3 * 0.015**2  # variance of an even surface's colour, components in 0..1
+_SAME = 40.0  # contrast of a thing's cells to all others from which on it has an outline
+_LEVEL = 0.003  # how much higher or lower than around a print it may be around what lies on another one [m]
+
+
+Pixel = tuple[int, int]  # (row, col)
 
 
 class Outline(NamedTuple):
     """Points of what is picked, and points around it, as (row, col) pixels from the pick: (N, 2) and (M, 2).
 
-    held: (2,), the point that jaws have between them, likewise.
+    held: (2,), the point that jaws have between them; centre: (2,), of the smallest rectangle around it, likewise.
     """
 
     inside: NDArray[np.float32]
     around: NDArray[np.float32]
     held: NDArray[np.float32]
+    centre: NDArray[np.float32]
 
 
 class Print(NamedTuple):
     """Patch on something flat that looks like an outline.
 
     pixel: (row, col), where the point between the jaws comes to lie.
-    rotation: number of the angle by which it must be turned.
+    turn: angle by which it must be turned [rad].
     contrast: squared distance of the mean colours inside the outline and around it, over their variances.
+    centre: (row, col), where the outline's centre comes to lie.
     """
 
     pixel: tuple[int, int]
-    rotation: int
+    turn: float
     contrast: float
+    centre: Pixel
 
 
 def outline_at(image: Tensor, pixel: tuple[int, int], yaw: float, pixel_size: float) -> Outline | None:
@@ -67,24 +76,51 @@ def outline_at(image: Tensor, pixel: tuple[int, int], yaw: float, pixel_size: fl
     cells = np.pad(thing.astype(np.uint8), len(band))
     parts = cv2.erode(cells, gap), cv2.dilate(cells, band) - cv2.dilate(cells, gap)
     inside, around = (_thinned(np.argwhere(part) - np.array(pixel) - len(band), _POINTS) for part in parts)
-    held = _held(thing, points, pixel, yaw, pixel_size)
-    return Outline(inside, around, held) if min(len(inside), len(around)) >= _LEAST_POINTS else None
+    held = _held(points, pixel, yaw, pixel_size)
+    centre = np.array(cv2.minAreaRect(inside)[0], np.float32)
+    return Outline(inside, around, held, centre) if min(len(inside), len(around)) >= _LEAST_POINTS else None
 
 
-def _held(
-    thing: NDArray[np.bool_], points: NDArray[np.int64], pick: tuple[int, int], yaw: float, pixel_size: float
-) -> NDArray[np.float32]:
+def covered_at(image: Tensor, outline: Outline, pick: Pixel, found: Print, pixel_size: float) -> list[Pixel]:
+    """Return the places of other things that have an outline and lie as high as a print: they hide one like it.
+
+    image: (1, 5, rows, cols), an observation. pick: the outline's.
+    """
+    height, valid = unscaled(image)[0, 3].numpy(), image[0, 4].numpy() > 0
+    level = _height_around(height, outline, found)
+    middle = outline.inside.mean(0)
+    about = Outline(*(points - middle for points in outline))
+    angles = np.arange(2 * _ROUGHLY, dtype=np.float32) * (math.pi / _ROUGHLY)
+    covered = []
+    for thing in standing(height, valid, pixel_size):
+        row, col = np.rint(np.argwhere(thing).mean(0)).astype(int).tolist()
+        if math.dist((row, col), middle + pick) * pixel_size > _BESIDE_PICK:
+            alone = np.dstack([thing] * 3 + [np.zeros_like(thing)]).astype(np.float32)
+            best = _best_print(alone, about, (row, col), angles, pixel_size)
+            if best.contrast > _SAME and abs(_height_around(height, about, best) - level) < _LEVEL:
+                covered.append(best.centre)
+    return covered
+
+
+def _height_around(height: NDArray[np.float32], outline: Outline, found: Print) -> float:
+    """Return the mean height [m] around what lies at a print."""
+    turned = (outline.around - outline.held) @ _turns(np.array(found.turn, np.float32)) + np.array(found.pixel)
+    return float(_seen_at(height[..., None], turned[None].astype(np.float32)).mean())
+
+
+def _held(points: NDArray[np.int64], pick: tuple[int, int], yaw: float, pixel_size: float) -> NDArray[np.float32]:
     """Return the point that jaws have between them, (2,) pixels from the pick.
 
-    Where they close on the whole thing it lies midway along their way, and at its centroid across. Beside a thing, as
-    in the corner of an L, they do not: they close on the part that is picked.
+    They close on a thing's points (N, 2) at its centroid: midway between what they touch, which may be beside it, as
+    in the corner of an L. A thing too wide for them there is held where it is picked.
     """
     along, across = np.array((math.sin(yaw), math.cos(yaw))), np.array((math.cos(yaw), -math.sin(yaw)))
-    reach, centroid = points @ along, points.mean(0)
-    middle = along * (reach.min() + reach.max()) / 2 + across * (centroid @ across)
-    row, col = np.rint(middle).astype(int)
-    is_whole = thing[row, col] or math.dist(middle, centroid) * pixel_size <= _OFF_CENTROID
-    return np.asarray(middle - pick if is_whole else (0, 0), np.float32)
+    beside = points @ across - points.mean(0) @ across
+    met = points[np.abs(beside) * pixel_size <= _HAND.finger_half_width] @ along
+    if not len(met) or np.ptp(met) * pixel_size > _HAND.widest:
+        return np.zeros(2, np.float32)
+    middle = along * (met.min() + met.max()) / 2 + across * (points.mean(0) @ across)
+    return np.asarray(middle - pick, np.float32)
 
 
 def prints_at(
@@ -112,15 +148,18 @@ def _best_print(
     at, turn = _pairs(_around(place, reach, step), angles[:: max(1, len(angles) // _ROUGHLY)])
     contrast = _contrast(seen, few, at, turn)
     if contrast.max() < _WORTH:
-        return Print(place, 0, float(contrast.max()))
+        return Print(place, 0.0, float(contrast.max()), place)
     for points, count, shift, slant in ((few, 12, step - 1, 0.17), (outline, 6, 1, 0.06)):
         best = np.argsort(contrast)[-count:]
         shifts, slants = _pairs(_around((0, 0), shift, 1), np.array((-slant, 0.0, slant), np.float32))
         at, turn = (at[best, None] + shifts).reshape(-1, 2), (turn[best, None] + slants).ravel()
         contrast = _contrast(seen, points, at, turn)
     found = int(contrast.argmax())
-    row, col = np.rint(at[found] + outline.held @ _turns(turn[found])).astype(int).tolist()
-    return Print((row, col), int(np.cos(angles - turn[found]).argmax()), float(contrast[found]))
+    held, centre = (
+        np.rint(at[found] + point @ _turns(turn[found])).astype(int).tolist()
+        for point in (outline.held, outline.centre)
+    )
+    return Print(tuple(held), float(turn[found]), float(contrast[found]), tuple(centre))
 
 
 def _contrast(
