@@ -8,19 +8,19 @@ from pathlib import Path
 from typing import Any
 
 from cliport_benchmark.errors import DataFolderError, OptionError
+from cliport_core.whole_file import whole_file
 
 
 def write_json(path: Path, value: dict[str, Any]) -> None:
-    """Write JSON under a temporary name, then move it into place.
+    """Write a JSON file that appears whole or not at all.
 
     Raises:
         DataFolderError: when the place cannot be written.
     """
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        temporary.write_text(json.dumps(value, indent=2) + "\n")
-        temporary.replace(path)
+        with whole_file(path) as temporary:
+            temporary.write_text(json.dumps(value, indent=2) + "\n")
     except OSError as error:
         raise DataFolderError(f"cannot write {path}: {error.strerror or error}") from error
 

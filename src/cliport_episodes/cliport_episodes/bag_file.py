@@ -21,8 +21,9 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, W
 
 from cliport_core import topics
 from cliport_core.bag_library import open_reader
+from cliport_core.whole_file import sync
 from cliport_episodes.bags import one_line
-from cliport_episodes.disk import move, sync
+from cliport_episodes.disk import move
 from cliport_episodes.errors import BagError
 from cliport_episodes.message_types import definition_and_hash, types_of
 from cliport_episodes.raw import RawMessage

@@ -9,9 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
+from cliport_core.whole_file import UNFINISHED
 from cliport_episodes.capture_setup import CaptureSetup
 from cliport_episodes.data_set_file import FILE, read_setup, restore_setup, write_setup
-from cliport_episodes.disk import UNFINISHED, copy_folder, disk_errors, move
+from cliport_episodes.disk import copy_folder, disk_errors, move
 from cliport_episodes.edits import Edits
 from cliport_episodes.episode_folder import (
     EPISODES,

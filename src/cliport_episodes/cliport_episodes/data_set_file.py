@@ -7,8 +7,9 @@ from pathlib import Path
 import yaml
 
 from cliport_core.bag_limits import TooMuchError, load_yaml
+from cliport_core.whole_file import sync
 from cliport_episodes.capture_setup import CaptureSetup
-from cliport_episodes.disk import disk_errors, replace_text, sync
+from cliport_episodes.disk import disk_errors, replace_text
 from cliport_episodes.episode_folder import EPISODES, read_own_setup
 from cliport_episodes.errors import DataSetError, SetupError
 

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import errno
 import os
-import secrets
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from cliport_core.whole_file import UNFINISHED, sync, whole_file
 from cliport_episodes.errors import DiskError, DiskFullError
 
-UNFINISHED = ".new"  # suffix of hidden files and folders while they are made
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
@@ -26,15 +25,6 @@ def disk_errors(path: Path) -> Iterator[None]:
         if error.errno in _FULL:
             raise DiskFullError(path, reason, "Free some space and do the last step again") from None
         raise DiskError(path, reason, "Check the folder and its permissions") from None
-
-
-def sync(path: Path) -> None:
-    """Wait until a file's content, or a folder's list of names, is on the disk."""
-    descriptor = os.open(path, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
 
 
 def move(source: Path, target: Path) -> None:
@@ -53,19 +43,8 @@ def replace_text(path: Path, text: str) -> None:
 
 def replace_bytes(path: Path, content: bytes) -> None:
     """Replace a file as a whole, as `replace_text` does."""
-    new = path.with_name(f".{path.name}.{secrets.token_hex(4)}{UNFINISHED}")  # two threads may write it at once
-    try:
-        with new.open("wb") as file:
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(new, path)
-    except OSError:
-        with suppress(OSError):
-            new.unlink(missing_ok=True)
-        raise
-    with suppress(OSError):  # the new file is in place, so this is no failure
-        sync(path.parent)
+    with whole_file(path) as temporary:
+        temporary.write_bytes(content)
 
 
 def copy_folder(source: Path, target: Path) -> None:

@@ -9,13 +9,14 @@ from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 
+from cliport_core.whole_file import UNFINISHED, sync
 from cliport_episodes.bag_file import BagFile, describe, is_latched, write_bag_file
 from cliport_episodes.bag_metadata import write_metadata
 from cliport_episodes.capture_setup import CaptureSetup
 from cliport_episodes.data_set_file import read_setup
 from cliport_episodes.demonstration import StepRecord
 from cliport_episodes.demonstration_messages import RECORD_TOPICS, messages_from_record
-from cliport_episodes.disk import UNFINISHED, disk_errors, move, sync
+from cliport_episodes.disk import disk_errors, move
 from cliport_episodes.edits import Edits
 from cliport_episodes.episode_folder import (
     EPISODES,

@@ -15,6 +15,7 @@ from typing import Any
 import pytest
 import yaml
 
+from cliport_core import whole_file
 from cliport_episodes import disk, episode_folder, writer
 from cliport_episodes.bag_file import BagFile, BagTopic, describe, is_latched, write_bag_file
 from cliport_episodes.bag_metadata import read_custom_data, write_metadata
@@ -144,8 +145,13 @@ def test_a_lock_is_of_a_folder_and_says_why_not(tmp_path: Path, monkeypatch: pyt
 def synced(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """Names of what was brought to the disk."""
     found: list[str] = []
-    for module in (disk, writer):
-        monkeypatch.setattr(module, "sync", lambda path: found.append(Path(path).name))
+
+    def sync(path: Path) -> None:
+        if path.suffix != whole_file.UNFINISHED:
+            found.append(path.name)
+
+    for module in (disk, writer, whole_file):
+        monkeypatch.setattr(module, "sync", sync)
     return found
 
 

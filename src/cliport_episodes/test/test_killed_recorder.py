@@ -14,6 +14,7 @@ from typing import Any
 import pytest
 from rosbags.rosbag2 import Reader
 
+from cliport_core.whole_file import UNFINISHED
 from cliport_episodes.capture_setup import CaptureSetup
 from cliport_episodes.data_set import DataSet
 from cliport_episodes.demonstration import StepRecord
@@ -108,7 +109,7 @@ def test_no_step_that_was_added_is_lost(
     resumed.add_step(scene(2000), record)
     resumed.finish(scene(2001), True)
     assert len(read_episode(path).steps) == len(episode.steps) + 1
-    assert not [file.name for file in path.iterdir() if file.name.endswith(".new")]
+    assert not [file.name for file in path.iterdir() if file.name.endswith(UNFINISHED)]
 
 
 @pytest.mark.parametrize("die_at", range(14))

@@ -16,6 +16,7 @@ from rosbags.interfaces import QosDurability
 from rosbags.rosbag2 import Reader
 from rosbags.rosbag2.storage_mcap import McapWriter
 
+from cliport_core.whole_file import UNFINISHED
 from cliport_episodes.bags import read_messages
 from cliport_episodes.capture_setup import CaptureSetup
 from cliport_episodes.data_set import DataSet
@@ -250,7 +251,7 @@ def test_a_full_disk_leaves_the_steps_before_whole(
         assert reader.message_count == 9
     writer.add_step(scene(1), record)
     assert len(read_episode(writer.path).steps) == 2
-    assert not [p.name for p in writer.path.iterdir() if p.name.endswith(".new")]
+    assert not [p.name for p in writer.path.iterdir() if p.name.endswith(UNFINISHED)]
 
 
 def test_a_file_that_may_not_grow_is_a_full_disk(writer: EpisodeWriter, scene: Scene, record: StepRecord) -> None:

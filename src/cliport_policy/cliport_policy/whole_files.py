@@ -1,9 +1,8 @@
-"""Files that appear whole or not at all."""
+"""Checkpoints and their cards as files that appear whole or not at all."""
 
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import Any
 
 from safetensors import SafetensorError
 
+from cliport_core import whole_file as core
 from cliport_policy.errors import CheckpointError
 
 
@@ -21,18 +21,15 @@ def whole_file(path: Path) -> Iterator[Path]:
     Raises:
         CheckpointError: if the file can't be written, as on a full disk.
     """
-    temporary = path.with_name(path.name + ".tmp")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        yield temporary
-        os.replace(temporary, path)
+        with core.whole_file(path) as temporary:
+            yield temporary
     except (OSError, SafetensorError) as error:
         reason = " ".join(str(error).split())[:160]
         raise CheckpointError(
             f"can't write {path} ({reason}): make room and run again; what was saved before is kept"
         ) from error
-    finally:
-        temporary.unlink(missing_ok=True)
 
 
 def write_json(path: Path, values: dict[str, Any]) -> None:

@@ -6,7 +6,6 @@ import math
 import os
 import re
 import shutil
-from contextlib import suppress
 from dataclasses import dataclass
 from datetime import datetime, timezone
 from enum import Enum
@@ -15,6 +14,7 @@ from typing import Any
 
 import yaml
 
+from cliport_core.whole_file import whole_file
 from cliport_perception.calibration.board import Board, board_from_dict
 from cliport_perception.calibration.result import EyeOnBase, Misfit, Uncertainty
 from cliport_perception.camera_file import CameraCalibration, CameraFileError, camera_of, read_content
@@ -142,18 +142,12 @@ def write_kept(path: Path, text: str) -> Path | None:
     Raises:
         CalibrationError: when the place cannot be written.
     """
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with temporary.open("w", encoding="utf-8") as file:
-            file.write(text)
-            file.flush()
-            os.fsync(file.fileno())
-        kept = _keep(path)
-        temporary.replace(path)
+        with whole_file(path) as temporary:
+            temporary.write_text(text, encoding="utf-8")
+            kept = _keep(path)
     except OSError as error:
-        with suppress(OSError):
-            temporary.unlink(missing_ok=True)
         raise CalibrationError(f"cannot write {path}: {error.strerror or error}") from None
     return kept
 

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import os
-from contextlib import suppress
 from pathlib import Path
 
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from cliport_core.whole_file import whole_file
 from cliport_perception.calibration.board import Board
 from cliport_perception.errors import CalibrationError
 
@@ -59,14 +58,11 @@ def print_board(board: Board, path: Path, paper: str = "A4") -> None:
         CalibrationError: when the board does not fit the paper, or the place cannot be written.
     """
     figure = board_figure(board, paper)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        figure.savefig(temporary, format="pdf")
-        temporary.replace(path)
+        with whole_file(path) as temporary:
+            figure.savefig(temporary, format="pdf")
     except OSError as error:
-        with suppress(OSError):
-            temporary.unlink(missing_ok=True)
         raise CalibrationError(f"cannot write {path}: {error.strerror or error}") from None
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -17,6 +16,7 @@ from cliport_core.errors import ImageError
 from cliport_core.heightmap import Heightmap
 from cliport_core.image_files import decode_color_file, decode_gray_file, encode_png
 from cliport_core.pose import PlanarPose
+from cliport_core.whole_file import whole_file
 from cliport_core.workspace import WorkspaceSpec
 from cliport_policy.errors import DataError
 
@@ -152,7 +152,7 @@ def part_path(folder: Path, index: int) -> Path:
 
 
 def write_part(path: Path, rows: list[Row]) -> None:
-    """Write rows under a temporary name, then move them into place, so that a part is whole or absent.
+    """Write rows as a part that appears whole or not at all.
 
     Raises:
         DataError: if it can't be written.
@@ -165,14 +165,11 @@ def write_part(path: Path, rows: list[Row]) -> None:
         values = (*which, color, height, valid, *words)
         for name, value in zip(SCHEMA.names, values, strict=True):
             columns[name].append(value)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
-        pq.write_table(pa.table(columns, schema=SCHEMA), temporary, compression="none", row_group_size=64)
-        temporary.replace(path)
+        with whole_file(path) as temporary:
+            pq.write_table(pa.table(columns, schema=SCHEMA), temporary, compression="none", row_group_size=64)
     except OSError as error:
         raise DataError(f"cannot write {path}: {error.strerror or error}") from error
-    finally:
-        temporary.unlink(missing_ok=True)
 
 
 def read_part(path: Path, workspace: WorkspaceSpec) -> list[Row]:

@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import ConvexHull, QhullError
 
+from cliport_core.whole_file import whole_file
 from sim_bridge.everyday.merging import merged
 from sim_bridge.geometry.mesh import TriangleMesh
 from sim_bridge.geometry.surface import surface_points
@@ -123,8 +124,7 @@ def _store(path: Path, pieces: list[FloatArray]) -> None:
     """Store pieces whole or not at all, so that other processes never read half a file."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile(dir=path.parent, suffix=".part", delete=False) as file:
+        with whole_file(path) as temporary, temporary.open("wb") as file:
             np.savez(file, **{f"piece{i}": piece for i, piece in enumerate(pieces)})  # type: ignore[arg-type]
-        os.replace(file.name, path)
     except OSError as error:
         _log.warning("convex pieces are not kept for the next time: %s", error)
