@@ -17,7 +17,7 @@ from cliport_policy.turns import split_over
 _LOOKED_AT_AGAIN = 8  # pairs of a place and a rotation, the likeliest ones at a first look
 _BESIDE = tuple((row, col) for row in (-2.0, 0.0, 2.0) for col in (-2.0, 0.0, 2.0))  # pixels: 5 mm around a place
 _QUARTER = math.pi / 2
-_CLEAR = 8.0  # contrast from which on a patch is a print,
+CLEAR = 8.0  # contrast from which on a patch is a print,
 _AS_CLEAR = 40.0  # and beyond which more says nothing
 _HEARD = 0.5  # how far the transport's own odds between prints count
 _OUT = 20.0  # logits that put all else out
@@ -85,7 +85,7 @@ def share_of_prints(shares: Tensor, prints: Sequence[Print]) -> Tensor | None:
     logarithms of what the transport says.
     """
     contrasts = torch.tensor([one.contrast for one in prints])
-    if not len(prints) or float(contrasts.max()) < _CLEAR:
+    if not len(prints) or float(contrasts.max()) < CLEAR:
         return None
     return (_HEARD * shares + 2 * contrasts.clamp(1.0, _AS_CLEAR).log()).log_softmax(0)
 

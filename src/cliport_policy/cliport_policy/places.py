@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from cliport_policy.fits import seen_fits, share_of_prints, shares_of, with_fits, with_prints
+from cliport_policy.fits import CLEAR, seen_fits, share_of_prints, shares_of, with_fits, with_prints
 from cliport_policy.networks.policy_network import Goal, PolicyNetwork
 from cliport_policy.networks.rotation import bin_angles
 from cliport_policy.peaks import CellGrid, Peak, mass_of
 from cliport_policy.shapes.prints import Pixel, Print, covered_at, outline_at, prints_at
 from cliport_policy.sides import Side, at_own_side, at_side
-from cliport_policy.turns import likeliest_turn
+from cliport_policy.turns import likeliest_turn, split_over
 
 _MOST_ALIKE = 6  # places among which a side may be named,
 _ALIKE = 0.15  # and how likely they are at least, relative to the likeliest
@@ -25,6 +26,19 @@ _CANDIDATES = 3  # places at most that an aligner is asked about,
 _LEAST_SHARE = 0.05  # and after the first only those that are as likely as this
 _PRINTS = 6  # places at most where prints of what is picked are looked for,
 _LEAST_PRINT = 0.003  # and after the first only those that are as likely as this
+
+
+class Printed(NamedTuple):
+    """Action for a thing that belongs on a print.
+
+    pick: midway between the jaws, so that it does not matter whether a hand takes a thing where it is picked or centres
+    it between its jaws. yaws: (1, k) logits of jaws that are square with it; None without a rotator. places:
+    (1, k, h, w) logits.
+    """
+
+    pick: Peak
+    yaws: Tensor | None
+    places: Tensor
 
 
 class Places:
@@ -59,11 +73,11 @@ class Places:
 
     def on_prints(
         self, image: Tensor, pick: Peak, yaws: Tensor | None, places: Tensor, side: Side | None
-    ) -> tuple[Peak, Tensor] | None:
-        """Return the pick midway between the jaws, and the logits where that goes; None without a print.
+    ) -> Printed | None:
+        """Return what to do with a thing that belongs on a print; None without a print.
 
-        So it does not matter whether a hand takes a thing where it is picked or centres it between its jaws. What may
-        be meant to be turned where it lies hides what is under it: then there is none, either.
+        What may be meant to be moved or turned where it lies hides what is under it, most of all where it lies well:
+        then there is none, either, unless enough of a print is seen beside it.
         """
         if not self._fits_prints:
             return None
@@ -74,18 +88,21 @@ class Places:
         candidates = self._grid.peaks(mass_of(logits), _PRINTS, _LEAST_PRINT)
         shares, here = shares_of(logits, candidates), self._grid.cell_of(pick.pixel)
         least = float(shares.max()) + math.log(_ALIKE)
-        if any(peak.near[here] for peak, share in zip(candidates, shares, strict=True) if share >= least):
-            return None
+        own = [i for i, peak in enumerate(candidates) if peak.near[here] and shares[i] >= least]
         prints = prints_at(image, outline, [peak.pixel for peak in candidates], angles, pixel_size)
         dealt = share_of_prints(shares, prints)
-        if dealt is None:
+        if dealt is None or any(prints[i].contrast < CLEAR for i in own):
             return None
         row, col = np.rint(outline.held + pick.pixel).astype(int).tolist()
         if side is not None:
             clearest = max(prints, key=lambda one: one.contrast)
             taken = covered_at(image, outline, pick.pixel, clearest, pixel_size) if side is Side.MIDDLE else []
             dealt = _at_side(side, prints, dealt, taken)
-        return pick._replace(pixel=(row, col)), with_prints(logits, prints, dealt, self._grid.cell_size)[None]
+        return Printed(
+            pick._replace(pixel=(row, col)),
+            None if yaws is None else _logits_of(outline.yaw, yaws.shape[1]),
+            with_prints(logits, prints, dealt, self._grid.cell_size)[None],
+        )
 
     def with_fits(self, image: Tensor, goal: Goal, pick: Tensor, yaws: Tensor | None, places: Tensor) -> Tensor:
         """Return the logits, with what an aligner thinks of the likeliest places. pick: (1, 2) float pixel."""
@@ -107,6 +124,14 @@ def _at_side(side: Side, prints: Sequence[Print], shares: Tensor, taken: Sequenc
     alike = (shares >= shares.max() + math.log(_ALIKE)).nonzero()[:, 0].tolist()
     found = at_side(side, [prints[index].centre for index in alike], taken)
     return shares if found is None else shares - _OUT * (torch.arange(len(shares)) != alike[found])
+
+
+def _logits_of(turn: float, n_rotations: int) -> Tensor:
+    """Return the logits (1, k) of a turn [rad]."""
+    logits = torch.full((1, n_rotations), -_OUT)
+    for rotation, share in split_over(turn, n_rotations):
+        logits[0, rotation] = math.log(max(share, math.exp(-_OUT)))
+    return logits
 
 
 def _yaw(yaws: Tensor | None) -> float:

@@ -178,7 +178,7 @@ class Policy:
         is_placed = self._primitive(chosen) is Primitive.PICK_PLACE  # what is swept or folded fits nowhere
         printed = self._places.on_prints(image, pick, yaws, places, side) if is_placed else None
         if printed is not None:
-            pick, places = printed
+            pick, yaws, places = printed
         elif side is not None:
             places = self._places.at_side(side, places)
         if network.has_aligner and is_placed and printed is None:

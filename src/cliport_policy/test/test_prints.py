@@ -17,7 +17,7 @@ from cliport_policy.networks.policy_network import Goal
 from cliport_policy.networks.rotation import bin_angles
 from cliport_policy.observation import observation_tensor
 from cliport_policy.peaks import CellGrid, Peak, best_rotation, mass_of
-from cliport_policy.places import Places
+from cliport_policy.places import Places, Printed
 from cliport_policy.policy import Policy, load_policy
 from cliport_policy.shapes.prints import Outline, Print, covered_at, outline_at, prints_at
 from cliport_policy.sides import Side
@@ -127,6 +127,13 @@ def test_a_thing_is_held_between_what_jaws_touch(
     assert math.dist(np.add(found.held, pick), np.add(PICK, held)) < 1
 
 
+@pytest.mark.parametrize(
+    ("yaw", "square"), [(0.3, 0.3), (0.5, 0.3), (0.3 + 1.4, 0.3 + math.pi / 2), (0.3 - 0.25, 0.3), (0.8, 0.8)]
+)
+def test_jaws_that_are_nearly_square_with_a_thing_are_made_so(yaw: float, square: float) -> None:
+    assert outline_of(Scene(), yaw=yaw).yaw == pytest.approx(square, abs=0.05)
+
+
 def test_what_is_held_off_its_pick_is_put_as_far_off() -> None:
     scene = Scene()
     scene.color[:, :, :] = (165, 120, 95)
@@ -172,8 +179,30 @@ def test_the_middle_of_three_prints_is_known_where_one_of_them_is_covered() -> N
     for side, expected in ((Side.MIDDLE, at[1]), (Side.LEFT, at[0]), (Side.RIGHT, at[1])):
         found = chooser.on_prints(image, pick, None, _likely({at[0]: 0.6, at[1]: 0.4}), side)
         assert found is not None
-        mass = mass_of(found[1][0])
+        mass = mass_of(found.places[0])
         assert math.dist(GRID.peak(mass[best_rotation(mass)]).pixel, expected) < 8
+
+
+@pytest.mark.parametrize("side", [None, Side.LEFT])
+def test_a_print_that_a_thing_hides_in_part_is_found_beneath_it(side: Side | None) -> None:
+    scene, print_at, pick = Scene(), (200, 60), (206, 57)
+    scene.height[:] = 0.0
+    scene.color[:] = (165, 120, 95)
+    scene.show(HOOK, print_at, math.radians(20))
+    scene.show(HOOK, (260, 60), 1.0)
+    scene._draw(HOOK, (204, 57), 0.3, (78, 121, 167), 0.02)
+    chooser = Places(SimpleNamespace(cell_size=2), GRID, fits_prints=True)  # type: ignore[arg-type]
+    peak = Peak(pick, GRID.disc(GRID.cell_of(pick)))
+    found = chooser.on_prints(scene.image(), peak, None, _likely({print_at: 0.9, (260, 60): 0.1}), side)
+    assert found is not None
+    mass = mass_of(found.places[0])
+    place = GRID.peak(mass[best_rotation(mass)])
+    assert math.degrees(likeliest_turn(mass[:, place.near].sum(1))) == pytest.approx(20, abs=8)
+    turn = math.radians(20)
+    held = np.subtract(found.pick.pixel, (204, 57)) @ np.array(
+        [[math.cos(turn), -math.sin(turn)], [math.sin(turn), math.cos(turn)]]
+    )
+    assert math.dist(place.pixel, np.add(print_at, held)) < 3
 
 
 def test_where_the_first_two_places_show_nothing_no_more_are_looked_at() -> None:
@@ -227,17 +256,19 @@ def test_a_print_is_taken_before_a_place_that_is_likelier_and_of_equal_ones_that
     likely = _likely({other: 0.9, near: 0.08, far: 0.02})
     found = chooser.on_prints(image, pick, None, likely, None)
     assert found is not None
-    assert math.dist(found[0].pixel, np.add(pick.pixel, outline_of(scene, pick.pixel).held)) < 1
-    assert found[0].near is pick.near
+    assert math.dist(found.pick.pixel, np.add(pick.pixel, outline_of(scene, pick.pixel).held)) < 1
+    assert found.pick.near is pick.near and found.yaws is None
     across = torch.zeros(1, 36)
     across[0, 9] = 1.0  # the jaws close along y
     turned = chooser.on_prints(image, pick, across, _likely({near: 1.0}), None)
     expected = np.add(pick.pixel, outline_of(scene, pick.pixel, math.pi / 2).held)
-    assert turned is not None and math.dist(turned[0].pixel, expected) < 1 < math.dist(turned[0].pixel, found[0].pixel)
+    assert turned is not None and math.dist(turned.pick.pixel, expected) < 1 < math.dist(
+        turned.pick.pixel, found.pick.pixel
+    )
     for side, pixel, rotation in ((None, near, 6), (Side.LEFT, near, 6), (Side.RIGHT, far, 30), (Side.MIDDLE, near, 6)):
         at = chooser.on_prints(image, pick, None, likely, side)
         assert at is not None
-        mass = mass_of(at[1][0])
+        mass = mass_of(at.places[0])
         assert best_rotation(mass) == rotation and math.dist(GRID.peak(mass[rotation]).pixel, pixel) < 6
     assert chooser.on_prints(image, pick, None, _likely({other: 1.0}), None) is None, "no print of it is likely"
     assert chooser.on_prints(image, pick, None, _likely({near: 0.8, PICK: 0.2}), None) is None, (
@@ -252,13 +283,14 @@ def test_only_a_policy_that_fits_prints_looks_for_them_and_asks_no_aligner_then(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     policy, asked = load_policy("default", precision="float32"), list[str]()
-    here = _likely({(200, 60): 1.0})
+    here, along = _likely({(200, 60): 1.0}), torch.zeros(1, 36)
+    along[0, 9] = 30.0
 
     def on_prints(
         self: Places, image: object, pick: Peak, yaws: object, places: torch.Tensor, side: Side | None
-    ) -> tuple[Peak, torch.Tensor] | None:
+    ) -> Printed | None:
         asked.append("prints")
-        return (pick._replace(pixel=(60, 41)), here) if self._fits_prints else None
+        return Printed(pick._replace(pixel=(60, 41)), along, here) if self._fits_prints else None
 
     def with_fits(
         self: Places, image: object, goal: Goal, pick: object, yaws: object, places: torch.Tensor
@@ -272,5 +304,5 @@ def test_only_a_policy_that_fits_prints_looks_for_them_and_asks_no_aligner_then(
     for one in (policy, Policy(policy._network, policy._anchors, without, policy._encoder)):
         action = one.infer(Scene().heightmap(), "put the blue letter L shape in the letter L shape hole").action
         moved = math.dist((action.pick.x, action.pick.y), SPEC.pixel_to_xy(60, 41))
-        assert (moved < 1e-6) == (one is policy)
+        assert (moved < 1e-6) == (abs(action.pick.yaw - math.pi / 2) < 1e-6) == (one is policy)
     assert asked == ["prints", "prints", "fits"]

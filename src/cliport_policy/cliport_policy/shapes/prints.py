@@ -16,6 +16,7 @@ from cliport_policy.shapes.silhouettes import standing
 from panda_model import load_preset
 
 _HAND = load_preset().hand  # whose jaws hold what is picked
+_SQUARE = math.radians(18)  # up to which jaws are turned to be square with what they close on
 _BESIDE_PICK = 0.01  # how far beside a thing it may be picked, at a ring's middle say [m]
 _REACH, _STEP = 0.01, 0.005  # how far beside a place a print is looked for, and in which steps at first [m]
 _GAP, _BAND = 0.0025, 0.01  # what lies around a print is looked at from here to there beyond its edge [m]
@@ -27,6 +28,7 @@ _ROUGHLY = 18  # rotations at the first look
 _WORTH = 2.0  # contrast then from which on a place is looked at again
 _TRIED, _NOTHING = 2, 1.0  # places after which no more are looked at, if the contrast was less than this
 _NOISE = 3 * 0.015**2  # variance of an even surface's colour, components in 0..1
+_LEAST_KNOWN = 0.1  # share of the points of an outline, or around it, that must be seen
 _SAME = 40.0  # contrast of a thing's cells to all others from which on it has an outline
 _LEVEL = 0.003  # how much higher or lower than around a print it may be around what lies on another one [m]
 
@@ -38,12 +40,15 @@ class Outline(NamedTuple):
     """Points of what is picked, and points around it, as (row, col) pixels from the pick: (N, 2) and (M, 2).
 
     held: (2,), the point that jaws have between them; centre: (2,), of the smallest rectangle around it, likewise.
+    yaw: of jaws that are square with that rectangle [rad]. hides: (rows, cols), where what lies beneath is not seen.
     """
 
     inside: NDArray[np.float32]
     around: NDArray[np.float32]
     held: NDArray[np.float32]
     centre: NDArray[np.float32]
+    yaw: float
+    hides: NDArray[np.bool_]
 
 
 class Print(NamedTuple):
@@ -64,7 +69,8 @@ class Print(NamedTuple):
 def outline_at(image: Tensor, pixel: tuple[int, int], yaw: float, pixel_size: float) -> Outline | None:
     """Return the outline of the thing at a pick, None where none stands there that is as large as one to hold.
 
-    image: (1, 5, rows, cols), an observation. yaw: of the jaws [rad].
+    image: (1, 5, rows, cols), an observation. yaw: of the jaws [rad], which is made square with the thing where it is
+    nearly so: a thing between slanted jaws slips.
     """
     height, valid = unscaled(image)[0, 3].numpy(), image[0, 4].numpy() > 0
     things = [(thing, np.argwhere(thing)) for thing in standing(height, valid, pixel_size)]
@@ -76,9 +82,14 @@ def outline_at(image: Tensor, pixel: tuple[int, int], yaw: float, pixel_size: fl
     cells = np.pad(thing.astype(np.uint8), len(band))
     parts = cv2.erode(cells, gap), cv2.dilate(cells, band) - cv2.dilate(cells, gap)
     inside, around = (_thinned(np.argwhere(part) - np.array(pixel) - len(band), _POINTS) for part in parts)
+    if min(len(inside), len(around)) < _LEAST_POINTS:
+        return None
+    (row, col), _, slant = cv2.minAreaRect(points.astype(np.float32))  # its slant is seen from the rows
+    off = math.remainder(math.pi / 2 - math.radians(slant) - yaw, math.pi / 2)
+    yaw += off if abs(off) <= _SQUARE else 0.0
     held = _held(points, pixel, yaw, pixel_size)
-    centre = np.array(cv2.minAreaRect(inside)[0], np.float32)
-    return Outline(inside, around, held, centre) if min(len(inside), len(around)) >= _LEAST_POINTS else None
+    centre = np.array((row - pixel[0], col - pixel[1]), np.float32)
+    return Outline(inside, around, held, centre, yaw, cv2.dilate(thing.astype(np.uint8), gap) > 0)
 
 
 def covered_at(image: Tensor, outline: Outline, pick: Pixel, found: Print, pixel_size: float) -> list[Pixel]:
@@ -89,13 +100,14 @@ def covered_at(image: Tensor, outline: Outline, pick: Pixel, found: Print, pixel
     height, valid = unscaled(image)[0, 3].numpy(), image[0, 4].numpy() > 0
     level = _height_around(height, outline, found)
     middle = outline.inside.mean(0)
-    about = Outline(*(points - middle for points in outline))
+    inside, around, held, centre = (points - middle for points in outline[:4])
+    about = outline._replace(inside=inside, around=around, held=held, centre=centre)
     angles = np.arange(2 * _ROUGHLY, dtype=np.float32) * (math.pi / _ROUGHLY)
     covered = []
     for thing in standing(height, valid, pixel_size):
         row, col = np.rint(np.argwhere(thing).mean(0)).astype(int).tolist()
         if math.dist((row, col), middle + pick) * pixel_size > _BESIDE_PICK:
-            alone = np.dstack([thing] * 3 + [np.zeros_like(thing)]).astype(np.float32)
+            alone = np.dstack([thing] * 3 + [np.zeros_like(thing), np.ones_like(thing)]).astype(np.float32)
             best = _best_print(alone, about, (row, col), angles, pixel_size)
             if best.contrast > _SAME and abs(_height_around(height, about, best) - level) < _LEVEL:
                 covered.append(best.centre)
@@ -131,6 +143,7 @@ def prints_at(
     image: (1, 5, rows, cols), an observation. angles: (k,) rad about +z, relative to the thing as it lies.
     """
     seen = np.ascontiguousarray(unscaled(image)[0].permute(1, 2, 0).numpy())
+    seen = np.dstack([seen[..., :4], (image[0, 4].numpy() > 0) & ~outline.hides])
     found = []
     for place in places:
         found.append(_best_print(seen, outline, place, angles.numpy(), pixel_size))
@@ -165,15 +178,27 @@ def _best_print(
 def _contrast(
     seen: NDArray[np.float32], outline: Outline, at: NDArray[np.int64], angles: NDArray[np.float32]
 ) -> NDArray[np.float32]:
-    """Return the contrast of a print at each of places (n, 2) under its rotation (n,); 0 where something stands.
+    """Return the contrast of a print at each of places (n, 2) under its rotation (n,).
 
-    seen: (rows, cols, 4), colours in 0..1 and heights [m].
+    It is 0 where something stands, and where too little is seen. seen: (rows, cols, 5), colours in 0..1, heights [m]
+    and what is known.
     """
     corners = at[:, None].astype(np.float32)
     inside, around = (_seen_at(seen, points @ _turns(angles) + corners) for points in outline[:2])
-    (within, spread), (beyond, noise) = ((part.mean(1), part[..., :3].var(1).sum(1)) for part in (inside, around))
+    (within, spread, shown), (beyond, noise, known) = (_mean_and_spread(part) for part in (inside, around))
     between = np.square(within[:, :3] - beyond[:, :3]).sum(1)
-    return np.where(within[:, 3] - beyond[:, 3] < _FLAT, between / (spread + noise + _NOISE), 0.0)
+    is_flat = (within[:, 3] - beyond[:, 3] < _FLAT) & (np.minimum(shown, known) >= _LEAST_KNOWN)
+    return np.where(is_flat, between / (spread + noise + _NOISE), 0.0)
+
+
+def _mean_and_spread(part: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
+    """Return the mean (n, 4) of points (n, m, 5), the variance (n,) of their colours, and the share that is known."""
+    values, known = part[..., :4], part[..., 4]
+    count = known.sum(1)
+    mean = np.einsum("nmc,nm->nc", values, known) / np.maximum(count, 1)[:, None]
+    colors = values[..., :3]
+    square = np.einsum("nmc,nmc,nm->n", colors, colors, known) / np.maximum(count, 1)
+    return mean, np.maximum(square - np.square(mean[:, :3]).sum(1), 0), count / part.shape[1]
 
 
 def _turns(angles: NDArray[np.float32]) -> NDArray[np.float32]:
