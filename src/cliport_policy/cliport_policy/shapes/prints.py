@@ -32,7 +32,6 @@ _LEAST_KNOWN = 0.1  # share of the points of an outline, or around it, that must
 _SAME = 40.0  # contrast of a thing's cells to all others from which on it has an outline
 _LEVEL = 0.003  # how much higher or lower than around a print it may be around what lies on another one [m]
 
-
 Pixel = tuple[int, int]  # (row, col)
 
 
@@ -60,13 +59,13 @@ class Print(NamedTuple):
     centre: (row, col), where the outline's centre comes to lie.
     """
 
-    pixel: tuple[int, int]
+    pixel: Pixel
     turn: float
     contrast: float
     centre: Pixel
 
 
-def outline_at(image: Tensor, pixel: tuple[int, int], yaw: float, pixel_size: float) -> Outline | None:
+def outline_at(image: Tensor, pixel: Pixel, yaw: float, pixel_size: float) -> Outline | None:
     """Return the outline of the thing at a pick, None where none stands there that is as large as one to hold.
 
     image: (1, 5, rows, cols), an observation. yaw: of the jaws [rad], which is made square with the thing where it is
@@ -120,7 +119,7 @@ def _height_around(height: NDArray[np.float32], outline: Outline, found: Print) 
     return float(_seen_at(height[..., None], turned[None].astype(np.float32)).mean())
 
 
-def _held(points: NDArray[np.int64], pick: tuple[int, int], yaw: float, pixel_size: float) -> NDArray[np.float32]:
+def _held(points: NDArray[np.int64], pick: Pixel, yaw: float, pixel_size: float) -> NDArray[np.float32]:
     """Return the point that jaws have between them, (2,) pixels from the pick.
 
     They close on a thing's points (N, 2) at its centroid: midway between what they touch, which may be beside it, as
@@ -136,7 +135,7 @@ def _held(points: NDArray[np.int64], pick: tuple[int, int], yaw: float, pixel_si
 
 
 def prints_at(
-    image: Tensor, outline: Outline, places: Sequence[tuple[int, int]], angles: Tensor, pixel_size: float
+    image: Tensor, outline: Outline, places: Sequence[Pixel], angles: Tensor, pixel_size: float
 ) -> list[Print]:
     """Return what looks most like a print of an outline beside each place; none if there is none at the first places.
 
@@ -153,7 +152,7 @@ def prints_at(
 
 
 def _best_print(
-    seen: NDArray[np.float32], outline: Outline, place: tuple[int, int], angles: NDArray[np.float32], pixel_size: float
+    seen: NDArray[np.float32], outline: Outline, place: Pixel, angles: NDArray[np.float32], pixel_size: float
 ) -> Print:
     """Return what looks most like a print of an outline, up to _REACH from a place: roughly, then closer twice."""
     reach, step = round(_REACH / pixel_size), max(round(_STEP / pixel_size), 1)
@@ -220,7 +219,7 @@ def _pairs(places: NDArray[np.int64], turns: NDArray[np.float32]) -> tuple[NDArr
     return places.repeat(len(turns), 0), np.tile(turns, len(places))
 
 
-def _around(place: tuple[int, int], reach: int, step: int) -> NDArray[np.int64]:
+def _around(place: Pixel, reach: int, step: int) -> NDArray[np.int64]:
     """Return the pixels (m, 2) of a square around a place."""
     steps = np.arange(-(reach // step), reach // step + 1) * step
     return np.stack(np.meshgrid(steps, steps, indexing="ij"), -1).reshape(-1, 2) + np.array(place)

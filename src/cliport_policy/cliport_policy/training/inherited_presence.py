@@ -17,6 +17,7 @@ from cliport_policy.null_odds import absence
 from cliport_policy.observation import observation_tensor
 from cliport_policy.presence.presence import Presence
 from cliport_policy.presence.stored import load_presence
+from cliport_policy.server.types import ServerConfig
 from cliport_policy.training.initial import Initial
 
 logger = logging.getLogger(__name__)
@@ -61,12 +62,12 @@ def inherited_presence(initial: Initial, sets: Sequence[DemonstrationSet], encod
 
 
 def _missed(presence: Presence, data: DemonstrationSet) -> tuple[int, int]:
-    """Return in how many scenes something named seems absent, and how many were looked at."""
+    """Return in how many scenes a server would miss something that is named, and how many were looked at."""
     acting = [index for index in data.samples() if data.demo(index).acts]
     chosen = np.random.default_rng(0).permutation(len(acting))[:_SCENES]
-    missed = 0
+    missed, least = 0, ServerConfig().absent_threshold
     for index in (acting[i] for i in chosen):
         image = observation_tensor(data.observation(data.frames[index.frame]))
         missing = presence.look(image, data.demo(index).instruction).missing
-        missed += absence(0.0, missing, done=0.0)[0] > 0.5
+        missed += absence(0.0, missing, done=0.0)[0] >= least
     return missed, len(chosen)
