@@ -183,6 +183,21 @@ def test_the_middle_of_three_prints_is_known_where_one_of_them_is_covered() -> N
         assert math.dist(GRID.peak(mass[best_rotation(mass)]).pixel, expected) < 8
 
 
+def test_which_print_lies_at_a_side_their_middles_say_and_not_where_they_are_held() -> None:
+    scene, left, right = Scene(), (200, 60), (203, 90)
+    scene.show(HOOK, left, math.radians(180))  # held below its middle, the other above
+    scene.show(HOOK, right, 0.0)
+    pick, image = Peak(PICK, GRID.disc(GRID.cell_of(PICK))), scene.image()
+    prints = prints_of(scene, left, right)
+    assert prints[0].centre[0] < prints[1].centre[0] and prints[0].pixel[0] > prints[1].pixel[0]
+    chooser = Places(SimpleNamespace(cell_size=2), GRID, fits_prints=True)  # type: ignore[arg-type]
+    for side, expected in ((Side.LEFT, left), (Side.RIGHT, right)):
+        found = chooser.on_prints(image, pick, None, _likely({left: 0.5, right: 0.5}), side)
+        assert found is not None
+        mass = mass_of(found.places[0])
+        assert math.dist(GRID.peak(mass[best_rotation(mass)]).pixel, expected) < 6
+
+
 @pytest.mark.parametrize("side", [None, Side.LEFT])
 def test_a_print_that_a_thing_hides_in_part_is_found_beneath_it(side: Side | None) -> None:
     scene, print_at, pick = Scene(), (200, 60), (206, 57)
@@ -262,9 +277,10 @@ def test_a_print_is_taken_before_a_place_that_is_likelier_and_of_equal_ones_that
     across[0, 9] = 1.0  # the jaws close along y
     turned = chooser.on_prints(image, pick, across, _likely({near: 1.0}), None)
     expected = np.add(pick.pixel, outline_of(scene, pick.pixel, math.pi / 2).held)
-    assert turned is not None and math.dist(turned.pick.pixel, expected) < 1 < math.dist(
-        turned.pick.pixel, found.pick.pixel
-    )
+    assert turned is not None and math.dist(turned.pick.pixel, expected) < 1
+    assert math.dist(turned.pick.pixel, found.pick.pixel) > 1
+    assert turned.yaws is not None  # the hook lies at 0.3 rad: so do the jaws that close along y, now
+    assert likeliest_turn(mass_of(turned.yaws[0])) == pytest.approx(0.3 + math.pi / 2, abs=0.05)
     for side, pixel, rotation in ((None, near, 6), (Side.LEFT, near, 6), (Side.RIGHT, far, 30), (Side.MIDDLE, near, 6)):
         at = chooser.on_prints(image, pick, None, likely, side)
         assert at is not None
@@ -284,7 +300,8 @@ def test_only_a_policy_that_fits_prints_looks_for_them_and_asks_no_aligner_then(
 ) -> None:
     policy, asked = load_policy("default", precision="float32"), list[str]()
     here, along = _likely({(200, 60): 1.0}), torch.zeros(1, 36)
-    along[0, 9] = 30.0
+    here[0, 1] = here[0, 0]  # a turn of 5 degrees, between two rotations, and jaws at 95
+    along[0, 9:11] = 30.0
 
     def on_prints(
         self: Places, image: object, pick: Peak, yaws: object, places: torch.Tensor, side: Side | None
@@ -304,5 +321,6 @@ def test_only_a_policy_that_fits_prints_looks_for_them_and_asks_no_aligner_then(
     for one in (policy, Policy(policy._network, policy._anchors, without, policy._encoder)):
         action = one.infer(Scene().heightmap(), "put the blue letter L shape in the letter L shape hole").action
         moved = math.dist((action.pick.x, action.pick.y), SPEC.pixel_to_xy(60, 41))
-        assert (moved < 1e-6) == (abs(action.pick.yaw - math.pi / 2) < 1e-6) == (one is policy)
+        yaws = [math.degrees(action.pick.yaw), math.degrees(action.place.yaw)]
+        assert (moved < 1e-6) == (yaws == pytest.approx([95.0, 100.0], abs=0.01)) == (one is policy)
     assert asked == ["prints", "prints", "fits"]
