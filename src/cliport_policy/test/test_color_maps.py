@@ -85,6 +85,29 @@ def test_maps_by_name_show_the_named_colour_and_nothing_where_none_is_named() ->
 
 
 @torch.no_grad()
+@pytest.mark.parametrize(
+    ("gray_side", "height", "shown"), [(16, 1.0, (0.0, 0.3)), (16, 0.0, (0.9, 1.0)), (6, 1.0, (0.9, 1.0))]
+)
+def test_cyan_is_shown_as_gray_but_beside_a_thing_that_is_gray(
+    gray_side: int, height: float, shown: tuple[float, float]
+) -> None:
+    """No basic term names the palette's cyan better than gray does; a table or a few pixels are no gray thing."""
+    network = small_joint_network(color_reading="names")
+    image = torch.zeros(1, 5, 64, 64)
+    image[:, 4] = 1
+    for rows, side, name in ((0, gray_side, "gray"), (32, 16, "cyan")):
+        color = (torch.tensor(PALETTE[name]) - 127.5) / 64
+        image[0, :3, rows : rows + side, :side] = color[:, None, None]
+        image[0, 3, rows : rows + side, :side] = height if name == "gray" else 1.0
+    heard: list[torch.Tensor] = []
+    network.encoder.register_forward_pre_hook(lambda _, inputs: heard.append(inputs[0]))
+    network.look(image, network.encode_goal(["put the gray block here"]))
+    maps = heard[0][0, -3:]
+    assert float(maps[:, : gray_side // 2, : gray_side // 2].min()) > 0.9
+    assert shown[0] <= float(maps[:, 16:24, :8].min()) <= float(maps[:, 16:24, :8].max()) <= shown[1]
+
+
+@torch.no_grad()
 @pytest.mark.parametrize("light", [1.0, 0.8])
 def test_of_things_seen_the_nearest_to_a_known_colour_is_shown(light: float) -> None:
     """In any light, and in grey, as bright as blocks are; nothing where no thing comes near."""

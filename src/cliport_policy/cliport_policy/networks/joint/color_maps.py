@@ -14,7 +14,11 @@ _SPREAD = (0.3, 0.15, 0.15)  # of a known colour, scaled CIELAB: light and shado
 _FARTHEST = -3.0  # log nearness: nothing is taken for a colour from which it lies farther
 _NOWHERE = -99.0  # log nearness of what is not seen
 _PATCH = 3  # half-resolution pixels along the side of what is large enough to be a thing
+_SEEN = 0.99  # share of what is seen of a half-resolution pixel of a thing
 _THING_HEIGHT = 0.005  # m above the table
+_LEAST_NAMED = 0.5  # nothing less is taken to bear a colour's name
+_AREA = 20  # half-resolution pixels: the smallest thing has more of them, the edge of one fewer
+_NEAR = 2.0  # nats: a thing that suits a colour by so much less than the best one still bears its name
 _NAMED_GREY = 140  # 0..255: what known colours name is shown as bright as the benchmark's blocks
 
 
@@ -68,12 +72,25 @@ class ColorMaps(nn.Module):
         """Return how well each half-resolution pixel suits the chosen words: (B, M, N) in 0..1."""
         batch = torch.arange(len(x), device=x.device)[:, None]
         picked = ColorDensity(*(value[batch, chosen] for value in density))
-        lab, _, valid = unfolded(x)
+        lab, height, valid = unfolded(x)
         if basic is None:
-            suits = picked.membership(lab)
-        else:
-            suits = picked.naming(lab, self.head(basic[None].float()))
-        return suits * valid.unsqueeze(1)
+            return picked.membership(lab) * valid.unsqueeze(1)
+        suits = picked.naming(lab, self.head(basic[None].float()))
+        is_thing = (valid > _SEEN) & (height > _THING_HEIGHT)
+        return beside_the_best(suits, picked.log_nearness(lab), is_thing) * valid.unsqueeze(1)
+
+
+def beside_the_best(suits: Tensor, near: Tensor, is_thing: Tensor) -> Tensor:
+    """Return how well pixels bear a colour's name, less where a thing in the scene bears it far better: (B, M, N).
+
+    A muted cyan is gray where nothing else is, but not beside gray things, though no other word names it better.
+
+    suits: (B, M, N) in 0..1, what each pixel suits beside other words. near: (B, M, N), nats, how near it comes to the
+    word's own colour. is_thing: (B, N).
+    """
+    named = is_thing[:, None] & (suits > _LEAST_NAMED)
+    best = near.masked_fill(~named, -torch.inf).topk(min(_AREA, near.shape[2]), dim=2).values[..., -1:]
+    return suits * (near - best + _NEAR).clamp_max(0.0).exp()
 
 
 def is_known(shades: Tensor) -> Tensor:
@@ -109,7 +126,7 @@ def nearest_shades(x: Tensor, known: Tensor) -> Tensor:
     offset = (lab[:, None] - known[:, :, None]) / lab.new_tensor(_SPREAD)
     near = (-0.5 * offset.square().sum(-1)).nan_to_num(_NOWHERE)  # (B, M, N)
     patches = F.avg_pool2d(near.unflatten(2, x.shape[-2:]), _PATCH, 1, _PATCH // 2, count_include_pad=False).flatten(2)
-    is_thing = (valid > 0.99) & (height > _THING_HEIGHT)
+    is_thing = (valid > _SEEN) & (height > _THING_HEIGHT)
     best = patches.where(is_thing[:, None], _NOWHERE).amax(2, keepdim=True).clamp_min(_FARTHEST)
     return (near - best).clamp_max(0.0).exp() * valid[:, None]
 

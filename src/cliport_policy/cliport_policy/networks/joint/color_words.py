@@ -41,18 +41,21 @@ class ColorDensity(NamedTuple):
 
         1 at a component's own colour, whatever its weight and width; the best component counts.
         """
-        return self._log_nearness(lab, BLUR).exp_().clamp_(max=1.0)
+        return self.log_nearness(lab, BLUR).exp_().clamp_(max=1.0)
 
     def naming(self, lab: Tensor, others: ColorDensity) -> Tensor:
         """Return how well each of T words names N colours (B, N, 3) beside other words: (B, T, N) in 0..1.
 
         1 where no other word, of densities (1, M), suits the colour better; otherwise by how much it does so less.
         """
-        best = others._log_nearness(lab, 1.0).amax(1, keepdim=True)
-        return (self._log_nearness(lab, 1.0) - best).clamp_(max=0.0).exp_()
+        best = others.log_nearness(lab).amax(1, keepdim=True)
+        return (self.log_nearness(lab) - best).clamp_(max=0.0).exp_()
 
-    def _log_nearness(self, lab: Tensor, blur: float) -> Tensor:
-        """Return the logarithm of a membership before it is bounded."""
+    def log_nearness(self, lab: Tensor, blur: float = 1.0) -> Tensor:
+        """Return how near each of N colours (B, N, 3) lies to each of T words (B, T), in nats: (B, T, N).
+
+        0 at the heaviest component's own colour, less elsewhere. blur: by how much wider, squared, words are taken.
+        """
         precision = (-2 * self.log_sigma).exp()  # (B, T, K, 3)
         constant = (precision * self.mean.square()).sum(-1, keepdim=True) - 2 * self._rarity()[..., None]
         terms = torch.cat((precision, -2 * precision * self.mean, constant), dim=-1)  # (B, T, K, 7)
