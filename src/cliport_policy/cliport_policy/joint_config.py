@@ -12,7 +12,7 @@ CONTEXT_HEADS = 4  # of the attention among cells
 COLOR_WORDS = ("none", "strict", "open")
 COLOR_READING = ("tokens", "names")
 # what a trained network may change on its way
-REREAD = frozenset({"color_reading", "gray_share", "reads_sides", "reads_shapes", "fits_prints"})
+REREAD = frozenset({"color_reading", "compares_colors", "gray_share", "reads_sides", "reads_shapes", "fits_prints"})
 
 
 @dataclass(frozen=True)
@@ -30,6 +30,8 @@ class JointConfig:
     color_reading: `tokens` lets the maps show how well a pixel's colour suits a token, and everything else read all
     words; `names` lets them show where no basic colour term names it better than the sentence's names do, and
     everything else read the same word for every name.
+    compares_colors: True shows, with `names`, a name's colour less where a thing in the scene bears the name far
+    better; otherwise maps are those of checkpoints whose cards do not say.
     gray_share: share of training samples in which encoder and decoders see grey, and colours through these maps only.
     null_actions: 1 for "done", 2 for "done" and "not here" apart.
     chooses_primitive: True predicts the primitive; otherwise it is that of the demonstrations.
@@ -57,6 +59,7 @@ class JointConfig:
     n_rotations: int = 36
     color_words: str = "open"
     color_reading: str = "tokens"
+    compares_colors: bool = False
     gray_share: float = 0.4
     null_actions: int = 2
     chooses_primitive: bool = True

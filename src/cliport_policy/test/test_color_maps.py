@@ -86,13 +86,19 @@ def test_maps_by_name_show_the_named_colour_and_nothing_where_none_is_named() ->
 
 @torch.no_grad()
 @pytest.mark.parametrize(
-    ("gray_side", "height", "shown"), [(16, 1.0, (0.0, 0.3)), (16, 0.0, (0.9, 1.0)), (6, 1.0, (0.9, 1.0))]
+    ("compares", "gray_side", "height", "shown"),
+    [
+        (True, 16, 1.0, (0.0, 0.3)),
+        (True, 16, 0.0, (0.9, 1.0)),
+        (True, 6, 1.0, (0.9, 1.0)),
+        (False, 16, 1.0, (0.9, 1.0)),
+    ],
 )
 def test_cyan_is_shown_as_gray_but_beside_a_thing_that_is_gray(
-    gray_side: int, height: float, shown: tuple[float, float]
+    compares: bool, gray_side: int, height: float, shown: tuple[float, float]
 ) -> None:
     """No basic term names the palette's cyan better than gray does; a table or a few pixels are no gray thing."""
-    network = small_joint_network(color_reading="names")
+    network = small_joint_network(color_reading="names", compares_colors=compares)
     image = torch.zeros(1, 5, 64, 64)
     image[:, 4] = 1
     for rows, side, name in ((0, gray_side, "gray"), (32, 16, "cyan")):

@@ -31,8 +31,10 @@ class ColorMaps(nn.Module):
 
     n_maps = 3
 
-    def __init__(self, token_dim: int, word_dim: int) -> None:
+    def __init__(self, token_dim: int, word_dim: int, compares: bool = False) -> None:
+        """compares: whether a name's colour is shown less where a thing bears the name far better."""
         super().__init__()
+        self.compares = compares
         self.head = ColorHead(token_dim).requires_grad_(False)
         self.choose = nn.Linear(word_dim, self.n_maps)
 
@@ -76,8 +78,10 @@ class ColorMaps(nn.Module):
         if basic is None:
             return picked.membership(lab) * valid.unsqueeze(1)
         suits = picked.naming(lab, self.head(basic[None].float()))
-        is_thing = (valid > _SEEN) & (height > _THING_HEIGHT)
-        return beside_the_best(suits, picked.log_nearness(lab), is_thing) * valid.unsqueeze(1)
+        if self.compares:
+            is_thing = (valid > _SEEN) & (height > _THING_HEIGHT)
+            suits = beside_the_best(suits, picked.log_nearness(lab), is_thing)
+        return suits * valid.unsqueeze(1)
 
 
 def beside_the_best(suits: Tensor, near: Tensor, is_thing: Tensor) -> Tensor:

@@ -39,7 +39,7 @@ class JointNetwork(PolicyNetwork):
         goal_dim = 2 * config.goal_dim
         self.goal_reader = GoalReader(config.token_dim, config.goal_dim)
         has_maps = config.color_words != "none"
-        self.color_maps = ColorMaps(config.token_dim, config.goal_dim) if has_maps else None
+        self.color_maps = ColorMaps(config.token_dim, config.goal_dim, config.compares_colors) if has_maps else None
         n_maps = ColorMaps.n_maps if has_maps else 0
         self.encoder = Encoder(4 * CHANNELS + n_maps, config.widths, goal_dim, config.goal_dim, config.context_layers)
         self.pick_decoder = Decoder(config.widths, config.decoder_width, goal_dim)
