@@ -20,7 +20,7 @@ from cliport_interfaces.msg import PolicyStatus
 from cliport_policy.offline import main as offline
 
 TASK = "put-blocks-in-bowls-seen-colors"
-SEED = 1
+SEED = 0
 DELAY_S = 12.0  # that the nodes get to start
 
 

@@ -1,6 +1,7 @@
 """Words of colour become maps of where such colours are seen; the heads that say which were told what their arm was."""
 
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 import pytest
@@ -13,7 +14,9 @@ from cliport_policy.color_words import likelihoods, load_color_head, read_survey
 from cliport_policy.errors import CheckpointError
 from cliport_policy.language import shared_encoder
 from cliport_policy.named_colors import basic_tokens, color_name_reader
-from cliport_policy.networks.joint.color_words import scaled_lab
+from cliport_policy.networks.joint.color_words import naming, scaled_lab
+from cliport_policy.networks.joint.network import JointNetwork
+from cliport_policy.policy import load_policy
 
 PALETTE = {
     "blue": (78, 121, 167), "red": (255, 87, 89), "green": (89, 169, 79), "orange": (242, 142, 43),
@@ -59,7 +62,8 @@ def test_a_map_of_names_is_bright_where_no_basic_term_names_the_colour_better() 
     others = head(basic_tokens("open")[None])
     for name in ("red", "green", "blue", "yellow", "orange", "purple", "pink", "brown", "cyan", "turquoise"):
         tokens = color_name_reader().name_tokens(name)[None]
-        shown = head(tokens).naming(scaled_lab(colors)[None], others)[0].amax(0)
+        lab = scaled_lab(colors)[None]
+        shown = naming(head(tokens).log_nearness(lab), others.log_nearness(lab))[0].amax(0)
         own = "cyan" if name == "turquoise" else name
         named = dict(zip(PALETTE, shown.tolist(), strict=True))
         assert 0.8 < named.pop(own) <= 1.0 and max(named.values()) < 0.5, name
@@ -90,7 +94,7 @@ def test_maps_by_name_show_the_named_colour_and_nothing_where_none_is_named() ->
     [
         (True, 16, 1.0, (0.0, 0.3)),
         (True, 16, 0.0, (0.9, 1.0)),
-        (True, 6, 1.0, (0.9, 1.0)),
+        (True, 4, 1.0, (0.9, 1.0)),
         (False, 16, 1.0, (0.9, 1.0)),
     ],
 )
@@ -111,6 +115,27 @@ def test_cyan_is_shown_as_gray_but_beside_a_thing_that_is_gray(
     maps = heard[0][0, -3:]
     assert float(maps[:, : gray_side // 2, : gray_side // 2].min()) > 0.9
     assert shown[0] <= float(maps[:, 16:24, :8].min()) <= float(maps[:, 16:24, :8].max()) <= shown[1]
+
+
+@torch.no_grad()
+@pytest.mark.parametrize("shipped", [False, True])
+def test_a_thing_is_shown_where_light_falls_on_it_as_in_its_shade(shipped: bool) -> None:
+    """Red is far redder in the shade, and shown in both; cyan is none of gray's shades."""
+    network = small_joint_network(color_reading="names", compares_colors=True)
+    if shipped:
+        network = cast("JointNetwork", load_policy("default")._network)
+    image = torch.zeros(1, 5, 64, 64)
+    image[:, 3:] = 1
+    image[0, :3] = -1.9  # dark
+    for rows, name, light in ((0, "red", 1.0), (16, "red", 0.6), (32, "gray", 1.0), (48, "cyan", 1.0)):
+        image[0, :3, rows : rows + 16, :16] = ((light * torch.tensor(PALETTE[name]) - 127.5) / 64)[:, None, None]
+    heard: list[torch.Tensor] = []
+    network.encoder.register_forward_pre_hook(lambda _, inputs: heard.append(inputs[0]))
+    for name in ("red", "gray"):
+        network.look(image, network.encode_goal([f"put the {name} block here"]))
+    red, gray = (inputs[0, -3, :, :8] for inputs in heard)
+    assert float(red[:16].min()) > 0.9
+    assert float(gray[16:24].min()) > 0.9 and float(gray[24:].max()) < 0.3
 
 
 @torch.no_grad()

@@ -13,7 +13,7 @@ from cliport_policy.color_words import load_color_head
 from cliport_policy.data.color_names import shade_told, terms_told
 from cliport_policy.named_colors import color_name_reader
 from cliport_policy.networks.joint.color_maps import nearest_shades, unfolded
-from cliport_policy.networks.joint.color_words import ColorDensity, scaled_lab
+from cliport_policy.networks.joint.color_words import ColorDensity, naming, scaled_lab
 
 ARM = "open"
 TERMS = tuple(terms_told(ARM))
@@ -28,7 +28,8 @@ def term_maps(images: Tensor) -> Tensor:
     x = F.pixel_unshuffle(images, 2).float()
     lab, _, valid = unfolded(x)
     densities, counts = _term_densities()
-    each = densities.naming(lab, densities) * valid[:, None]  # (B, pieces of words, N)
+    near = densities.log_nearness(lab)
+    each = naming(near, near) * valid[:, None]  # (B, pieces of words, N)
     maps = torch.stack([pieces.mean(1) for pieces in each.split(counts, dim=1)], dim=1)
     return maps.unflatten(2, x.shape[-2:])
 

@@ -6,7 +6,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from cliport_policy.networks.joint.color_words import ColorDensity, ColorHead, scaled_lab
+from cliport_policy.networks.joint.color_words import LAB_SCALE, ColorDensity, ColorHead, naming, scaled_lab
 from cliport_policy.observation import CHANNELS, scaled_color, unscaled
 
 _MOST_WORDS = 4  # colour words of a sentence that are looked at, the surest ones
@@ -17,8 +17,11 @@ _PATCH = 3  # half-resolution pixels along the side of what is large enough to b
 _SEEN = 0.99  # share of what is seen of a half-resolution pixel of a thing
 _THING_HEIGHT = 0.005  # m above the table
 _LEAST_NAMED = 0.5  # nothing less is taken to bear a colour's name
-_AREA = 20  # half-resolution pixels: the smallest thing has more of them, the edge of one fewer
 _NEAR = 2.0  # nats: a thing that suits a colour by so much less than the best one still bears its name
+_BLACK = 16 / LAB_SCALE  # scaled L + 16 is 0 where there is no light
+_OTHER_HUE = (
+    0.15  # of CIELAB's a and b by L + 16, which light leaves: a thing's sides differ by 0.1, gray and cyan by 0.3
+)
 _NAMED_GREY = 140  # 0..255: what known colours name is shown as bright as the benchmark's blocks
 
 
@@ -77,24 +80,30 @@ class ColorMaps(nn.Module):
         lab, height, valid = unfolded(x)
         if basic is None:
             return picked.membership(lab) * valid.unsqueeze(1)
-        suits = picked.naming(lab, self.head(basic[None].float()))
+        near = picked.log_nearness(lab)
+        suits = naming(near, self.head(basic[None].float()).log_nearness(lab))
         if self.compares:
             is_thing = (valid > _SEEN) & (height > _THING_HEIGHT)
-            suits = beside_the_best(suits, picked.log_nearness(lab), is_thing)
+            suits = beside_the_best(suits, near, lab, is_thing, x.shape[-2:])
         return suits * valid.unsqueeze(1)
 
 
-def beside_the_best(suits: Tensor, near: Tensor, is_thing: Tensor) -> Tensor:
+def beside_the_best(suits: Tensor, near: Tensor, lab: Tensor, is_thing: Tensor, size: tuple[int, int]) -> Tensor:
     """Return how well pixels bear a colour's name, less where a thing in the scene bears it far better: (B, M, N).
 
     A muted cyan is gray where nothing else is, but not beside gray things, though no other word names it better.
+    What bears a name best is a patch, since edges look too good. What has the same hue differs by its light only.
 
     suits: (B, M, N) in 0..1, what each pixel suits beside other words. near: (B, M, N), nats, how near it comes to the
-    word's own colour. is_thing: (B, N).
+    word's own colour. lab: (B, N, 3), scaled CIELAB. is_thing: (B, N). size: height and width of N pixels.
     """
-    named = is_thing[:, None] & (suits > _LEAST_NAMED)
-    best = near.masked_fill(~named, -torch.inf).topk(min(_AREA, near.shape[2]), dim=2).values[..., -1:]
-    return suits * (near - best + _NEAR).clamp_max(0.0).exp()
+    bears = is_thing[:, None] & (suits > _LEAST_NAMED)
+    patches = F.avg_pool2d(near.masked_fill(~bears, _NOWHERE).unflatten(2, size), _PATCH, 1).flatten(2)
+    best, at = patches.max(2, keepdim=True)
+    hue = lab[..., 1:] / (lab[..., :1] + _BLACK)
+    hues = F.avg_pool2d(hue.transpose(1, 2).unflatten(2, size), _PATCH, 1).flatten(2).transpose(1, 2)
+    other = torch.cdist(hues.gather(1, at.expand(-1, -1, 2)), hue) > _OTHER_HUE  # (B, M, N)
+    return suits * (near - best + _NEAR).clamp_max(0.0).exp().where(other, 1.0)
 
 
 def is_known(shades: Tensor) -> Tensor:

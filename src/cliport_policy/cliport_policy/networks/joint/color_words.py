@@ -43,14 +43,6 @@ class ColorDensity(NamedTuple):
         """
         return self.log_nearness(lab, BLUR).exp_().clamp_(max=1.0)
 
-    def naming(self, lab: Tensor, others: ColorDensity) -> Tensor:
-        """Return how well each of T words names N colours (B, N, 3) beside other words: (B, T, N) in 0..1.
-
-        1 where no other word, of densities (1, M), suits the colour better; otherwise by how much it does so less.
-        """
-        best = others.log_nearness(lab).amax(1, keepdim=True)
-        return (self.log_nearness(lab) - best).clamp_(max=0.0).exp_()
-
     def log_nearness(self, lab: Tensor, blur: float = 1.0) -> Tensor:
         """Return how near each of N colours (B, N, 3) lies to each of T words (B, T), in nats: (B, T, N).
 
@@ -67,6 +59,15 @@ class ColorDensity(NamedTuple):
     def _rarity(self) -> Tensor:
         """Return each component's log weight relative to the heaviest, no more than 0: (..., K)."""
         return self.log_weight - self.log_weight.amax(-1, keepdim=True)
+
+
+def naming(near: Tensor, others: Tensor) -> Tensor:
+    """Return how well each of T words names N colours beside M other words: (B, T, N) in 0..1.
+
+    1 where no other word suits the colour better; otherwise by how much it does so less. near: (B, T, N) and others:
+    (B, M, N), nats, their log_nearness.
+    """
+    return (near - others.amax(1, keepdim=True)).clamp_(max=0.0).exp_()
 
 
 class ColorHead(nn.Module):
