@@ -20,7 +20,7 @@ from cliport_interfaces.msg import PolicyStatus
 from cliport_policy.offline import main as offline
 
 TASK = "put-blocks-in-bowls-seen-colors"
-SEED = 0
+SEED = 1
 DELAY_S = 12.0  # that the nodes get to start
 
 
@@ -32,6 +32,19 @@ def episode(tmp_path_factory: pytest.TempPathFactory) -> Episode:
     recorder.close()
     assert recorded.result is Result.SUCCEEDED
     return read_episode(folder / "episodes" / recorded.name)
+
+
+@pytest.fixture(scope="module")
+def proposed(episode: Episode, tmp_path_factory: pytest.TempPathFactory) -> list[tuple[int, list[float]]]:
+    """Stamp [ns] and pick x, y [m] of the steps that an offline run holds for undone."""
+    out = tmp_path_factory.mktemp("replay") / "offline"
+    assert offline(["--bag", str(episode.path), "--out", str(out), "--worst", "0"]) == 0
+    steps = json.loads((out / "offline.json").read_text())["steps"]
+    return [
+        (record.record.stamp_ns, step["predicted_pick"][:2])
+        for step, record in zip(steps, episode.steps, strict=True)
+        if step["done_probability"] < 0.5
+    ]
 
 
 class Listener:
@@ -76,18 +89,16 @@ def replay(episode: Episode, tmp_path: Path) -> Iterator[tuple[GraphProcess, Lis
 
 
 def test_a_replayed_episode_brings_the_proposals_of_an_offline_run(
-    replay: tuple[GraphProcess, Listener], episode: Episode, tmp_path: Path
+    proposed: list[tuple[int, list[float]]], replay: tuple[GraphProcess, Listener], episode: Episode
 ) -> None:
     graph, listener = replay
-    steps = len(episode.steps)
-    assert listener.wait(40.0, lambda: len(listener.picks) >= steps), graph.log_tail(40)
-    assert listener.wait(5.0, lambda: len(listener.recorded) >= steps)
+    assert proposed
+    assert listener.wait(40.0, lambda: len(listener.picks) >= len(proposed)), graph.log_tail(40)
+    assert listener.wait(5.0, lambda: len(listener.recorded) >= len(episode.steps))
     assert listener.wait(5.0, lambda: PolicyStatus.STATE_WAITING_FOR_APPROVAL in listener.states)
     assert PolicyStatus.STATE_EXECUTING not in listener.states
     assert not any("panda_executor" in name for name in listener.node.get_node_names())
-    assert offline(["--bag", str(episode.path), "--out", str(tmp_path / "offline"), "--worst", "0"]) == 0
-    expected = json.loads((tmp_path / "offline" / "offline.json").read_text())["steps"]
-    for message, step, record in zip(listener.picks, expected, episode.steps, strict=False):
+    for message, (stamp_ns, pick) in zip(listener.picks, proposed, strict=True):
         at = message.pose.position
-        assert (at.x, at.y) == pytest.approx(step["predicted_pick"][:2], abs=1e-3)
-        assert message.header.stamp.sec * 10**9 + message.header.stamp.nanosec == record.record.stamp_ns
+        assert (at.x, at.y) == pytest.approx(pick, abs=1e-3)
+        assert message.header.stamp.sec * 10**9 + message.header.stamp.nanosec == stamp_ns
