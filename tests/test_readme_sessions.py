@@ -49,7 +49,7 @@ LESSONS: dict[str, dict[str, str]] = {  # command: what is smaller than in READM
     "ros2 run cliport_policy learn --from-bags demonstrations/mine --out runs/mine": {"--train-options": QUICK},
     "ros2 run cliport_benchmark evaluate --checkpoint expert --task all --split test --first-seed 0 --episodes 50 "
     "--out out/expert": {"--task": f"block-insertion,{BOWLS}", "--episodes": "1"},
-    "ros2 run cliport_benchmark evaluate --checkpoint default --task all --split test --first-seed 1000 --episodes 100 "
+    "ros2 run cliport_benchmark evaluate --checkpoint default --task all --split test --first-seed 1100 --episodes 100 "
     "--out out/default": {
         "--task": BOWLS, "--first-seed": "0", "--episodes": "1", "--out": "out/default.json",
     },
