@@ -19,9 +19,7 @@ _THING_HEIGHT = 0.005  # m above the table
 _LEAST_NAMED = 0.5  # nothing less is taken to bear a colour's name
 _NEAR = 2.0  # nats: a thing that suits a colour by so much less than the best one still bears its name
 _BLACK = 16 / LAB_SCALE  # scaled L + 16 is 0 where there is no light
-_OTHER_HUE = (
-    0.15  # of CIELAB's a and b by L + 16, which light leaves: a thing's sides differ by 0.1, gray and cyan by 0.3
-)
+_OTHER_HUE = 0.15  # of CIELAB's a and b by L + 16: sides of a thing differ by 0.1, gray and cyan by 0.3
 _NAMED_GREY = 140  # 0..255: what known colours name is shown as bright as the benchmark's blocks
 
 
