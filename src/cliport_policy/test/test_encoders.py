@@ -12,9 +12,10 @@ from torch import Tensor, nn
 from cliport_policy.encoders import bert, efficientnet, resnet50
 from cliport_policy.encoders.bert_modules import load_bert
 from cliport_policy.encoders.clip_rn50 import MEAN, STD, load_clip
-from cliport_policy.encoders.frozen import FrozenEncoders, Vision, fold_norms
+from cliport_policy.encoders.frozen import FrozenEncoders, Vision
 from cliport_policy.encoders.registry import shared_encoders
 from cliport_policy.errors import EncoderError
+from cliport_policy.folded_norms import fold_norms
 from cliport_policy.language import MAX_TOKENS, model_folder, shared_encoder
 from cliport_policy.named_configs import load_network_config
 from cliport_policy.networks.streams.network import StreamsNetwork

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import torch
 from joint_networks import small_joint_network
+from torch import nn
 
 from cliport_core.action import PickPlaceAction, Primitive
 from cliport_core.heightmap import Heightmap
@@ -14,6 +15,7 @@ from cliport_core.workspace import WorkspaceSpec
 from cliport_policy.card import Card
 from cliport_policy.checkpoint import ANCHORS, save_checkpoint
 from cliport_policy.errors import ConfigError
+from cliport_policy.folded_norms import fold_norms
 from cliport_policy.joint_config import JointConfig
 from cliport_policy.language import ENCODER_NAME, shared_encoder
 from cliport_policy.named_configs import load_network_config, network_config_from_dict
@@ -24,6 +26,7 @@ from cliport_policy.networks.policy_network import Placings
 from cliport_policy.networks.rotation import bin_angles, straight_cells
 from cliport_policy.observation import observation_tensor
 from cliport_policy.policy import Policy, load_policy
+from cliport_policy.presence.scene_net import SceneNet
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 
@@ -114,6 +117,37 @@ def test_what_is_the_same_in_all_crops_is_convolved_once() -> None:
     each, same = torch.rand(2, 3, 2, 8, 8), torch.rand(2, 3, 8, 8)
     both = torch.cat((same[:, None].expand(-1, 3, -1, -1, -1), each), dim=2).flatten(0, 1)
     assert torch.allclose(down.beside(each, same), down(both), atol=1e-5)
+
+
+@torch.no_grad()
+def test_a_policys_networks_have_their_norms_folded_and_score_the_same() -> None:
+    """Tolerance 1e-4 of the largest value; the norms are given the statistics of a little training first."""
+    images = torch.rand(2, 5, 32, 16)
+    pick, angles = torch.full((2, 2), 8.0), bin_angles(8).expand(2, -1)
+    network = small_joint_network().train()
+    goal = network.encode_goal(["put the red blocks in a blue bowl", "align the rope"])
+
+    def scores() -> list[torch.Tensor]:
+        seen = network.look(images, goal)
+        yaws, fits = (
+            network.score_yaws(images, seen, pick, angles),
+            network.score_fits(images, seen, Placings(pick, torch.zeros(2), pick[:, None].expand(-1, 8, -1), angles)),
+        )
+        assert yaws is not None
+        return [network.score_picks(images, seen), yaws, network.score_places(images, seen, pick, angles), fits]
+
+    scene = SceneNet(3, 4).train()
+    for _ in range(3):
+        scores()
+        scene.features(images)
+    network.eval()
+    scene.eval()
+    before = [*scores(), scene.features(images)]
+    fold_norms(network)
+    fold_norms(scene)
+    assert not any(isinstance(module, nn.BatchNorm2d) for net in (network, scene) for module in net.modules())
+    for a, b in zip(before, [*scores(), scene.features(images)], strict=True):
+        assert (a - b).abs().max() < 1e-4 * a.abs().max()
 
 
 def _acting(network: JointNetwork, sentence: str, primitive: Primitive) -> PickPlaceAction:

@@ -8,7 +8,8 @@ from typing import Any, NamedTuple
 
 import torch
 from torch import Tensor, nn
-from torch.nn.utils.fusion import fuse_conv_bn_eval
+
+from cliport_policy.folded_norms import fold_norms
 
 CACHE_SIZE = 20_000  # sentences
 _FINGERPRINT_VALUES = 64  # number of values taken from each tensor
@@ -113,20 +114,6 @@ class FrozenEncoders:
                 self._cache.clear()
             self._cache.update((s, found[s]) for s in missing)
         return torch.stack([found[s] for s in sentences])
-
-
-def fold_norms(module: nn.Module) -> None:
-    """Multiply each batch norm of an encoder in eval mode into the convolution before it: the same, for less work.
-
-    Pairs are found by name: `conv1` and `bn1`, or `0` and `1` of a shortcut.
-    """
-    for parent in module.modules():
-        for name, norm in list(parent.named_children()):
-            before = "0" if name == "1" else name.replace("bn", "conv")
-            conv = getattr(parent, before, None)
-            if isinstance(norm, nn.BatchNorm2d) and isinstance(conv, nn.Conv2d):
-                setattr(parent, before, fuse_conv_bn_eval(conv, norm).requires_grad_(False))
-                setattr(parent, name, nn.Identity())
 
 
 def _fingerprint(*modules: nn.Module) -> str:

@@ -54,11 +54,12 @@ def rotated_windows(maps: Tensor, centers: Tensor, angles: Tensor, side: int, ce
     along_u, along_v = (torch.stack(turned, -1)[:, :, None, None] * size for turned in ((cos, sin), (-sin, cos)))
     u, v = (straight_cells(side, maps.device) if cells is None else cells[:, None]).split(1, -1)
     grid = torch.addcmul(torch.addcmul(middles, u, along_u), v, along_v)  # (B, R, side, side, 2)
-    windows = F.grid_sample(
-        maps,
-        grid.reshape(batch, n * side, side, 2).to(maps.dtype),
-        mode="bilinear",
-        padding_mode="zeros",
-        align_corners=False,
-    )  # (B, C, R * side, side)
+    grid = grid.to(maps.dtype)
+    if batch == 1 and not maps.requires_grad:  # a window an entry: those are sampled on all cores
+        return _sampled(maps.expand(n, -1, -1, -1), grid[0])[None]
+    windows = _sampled(maps, grid.reshape(batch, n * side, side, 2))  # (B, C, R * side, side)
     return windows.reshape(batch, channels, n, side, side).transpose(1, 2)
+
+
+def _sampled(maps: Tensor, grid: Tensor) -> Tensor:
+    return F.grid_sample(maps, grid, mode="bilinear", padding_mode="zeros", align_corners=False)

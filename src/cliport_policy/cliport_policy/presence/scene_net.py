@@ -30,7 +30,7 @@ class _Residual(nn.Module):
 
     def forward(self, x: Tensor) -> Tensor:
         """Return (B, C, H, W) of x (B, C, H, W)."""
-        return F.relu(x + self.norm2(self.conv2(F.relu(self.norm1(self.conv1(x))))))
+        return F.relu_(x + self.norm2(self.conv2(F.relu_(self.norm1(self.conv1(x))))))
 
 
 class SceneNet(nn.Module):
@@ -110,4 +110,4 @@ def grayed(images: Tensor, gray: Tensor) -> Tensor:
 
 def _halving(channels_in: int, channels_out: int, stride: int = 2) -> nn.Sequential:
     conv = nn.Conv2d(channels_in, channels_out, 3, stride=stride, padding=1, bias=False)
-    return nn.Sequential(conv, nn.BatchNorm2d(channels_out), nn.ReLU())
+    return nn.Sequential(conv, nn.BatchNorm2d(channels_out), nn.ReLU(inplace=True))

@@ -24,10 +24,10 @@ class FilmResidualBlock(nn.Module):
     def forward(self, x: Tensor, goal: Tensor) -> Tensor:
         """Return (B, C, H, W) of x (B, C, H, W) and goal (B, G)."""
         scale, shift = self.film(goal).chunk(2, dim=1)  # (B, C) each
-        y = F.relu(self.norm1(self.conv1(x)))
+        y = F.relu_(self.norm1(self.conv1(x)))
         y = self.norm2(self.conv2(y))
         y = y * (1 + scale[:, :, None, None]) + shift[:, :, None, None]
-        return F.relu(x + y)
+        return F.relu_(x + y)
 
 
 class Downsample(nn.Module):
@@ -40,7 +40,7 @@ class Downsample(nn.Module):
 
     def forward(self, x: Tensor) -> Tensor:
         """Return (B, channels_out, H/2, W/2) of x (B, channels_in, H, W)."""
-        return F.relu(self.norm(self.conv(x)))
+        return F.relu_(self.norm(self.conv(x)))
 
     def beside(self, x: Tensor, same: Tensor) -> Tensor:
         """Return what forward returns of each of R inputs with `same` before it, which is convolved once.
@@ -48,9 +48,10 @@ class Downsample(nn.Module):
         x: (B, R, C, H, W). same: (B, channels_in - C, H, W). The result is (B * R, channels_out, H/2, W/2).
         """
         for_same, for_each = self.conv.weight.tensor_split([same.shape[1]], dim=1)
-        each = F.conv2d(x.flatten(0, 1), for_each, stride=2, padding=1).unflatten(0, x.shape[:2])
-        both = each + F.conv2d(same, for_same, stride=2, padding=1)[:, None]
-        return F.relu(self.norm(both.flatten(0, 1)))
+        once = F.conv2d(same, for_same, stride=2, padding=1)
+        if len(once) > 1:
+            once = once.repeat_interleave(x.shape[1], dim=0)
+        return F.relu_(self.norm(F.conv2d(x.flatten(0, 1), for_each, self.conv.bias, stride=2, padding=1) + once))
 
 
 class FilmUNet(nn.Module):
@@ -71,7 +72,7 @@ class FilmUNet(nn.Module):
     def forward(self, x: Tensor, goal: Tensor) -> Tensor:
         """Return (B, widths[0], H/2, W/2) of x (B, channels_in, H, W), H and W even, and goal (B, G)."""
         x = F.pixel_unshuffle(x, 2)  # (B, 4 channels_in, H/2, W/2)
-        x = F.relu(self.stem_norm(self.stem(x)))
+        x = F.relu_(self.stem_norm(self.stem(x)))
         skips: list[Tensor] = []
         for level, block in enumerate(self.encoder):
             if level > 0:

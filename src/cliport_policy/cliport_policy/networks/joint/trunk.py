@@ -31,7 +31,7 @@ class Encoder(nn.Module):
 
         x: (B, channels_in, H/2, W/2). goal: (B, G). words: (B, T, W). mask: (B, T).
         """
-        levels = [F.relu(self.stem_norm(self.stem(x)))]
+        levels = [F.relu_(self.stem_norm(self.stem(x)))]
         for down, block in zip(self.down, self.blocks, strict=True):
             levels.append(block(down(levels[-1]), goal))
         if self.context is not None:
