@@ -21,7 +21,6 @@ from cliport_core.workspace import WorkspaceSpec
 from cliport_policy.card import Card, resolve_checkpoint
 from cliport_policy.checkpoint import ANCHORS, load_checkpoint
 from cliport_policy.errors import CheckpointError, InstructionError, ObservationError
-from cliport_policy.folded_norms import fold_norms
 from cliport_policy.inference import AffordanceMaps, Explanation, Inference
 from cliport_policy.language import ENCODER_NAME, TextEncoder, TokenEmbeddings, shared_encoder
 from cliport_policy.memory import release_unused
@@ -73,7 +72,6 @@ class Policy:
     ) -> None:
         self.card, self._presence = card, presence
         self._network = network.eval().to(memory_format=torch.channels_last)  # type: ignore[call-overload]
-        fold_norms(self._network)
         self._anchors = anchors  # (A, 384) unit sentence vectors of training instructions
         self._encoder = encoder
         self._accepted = ""  # the last sentence that was

@@ -31,6 +31,7 @@ from cliport_policy.errors import (
 )
 from cliport_policy.language import shared_encoder
 from cliport_policy.named_configs import AnyNetworkConfig, load_network_config
+from cliport_policy.policy import Policy
 from cliport_policy.training.agreement import agreement
 from cliport_policy.training.trainer import Progress, Trainer
 
@@ -173,8 +174,10 @@ def test_what_is_saved_are_the_averaged_weights(make_flat_set: Callable[..., Pat
     data = make_flat_set(tmp_path / "data", 3, pixel_size=SMALL)
     config = replace(CONFIG, steps=3, ema_decay=0.5)
     trainer = _trainer(data, tmp_path / "run", config, replace(TINY, crop_pixels=16))
-    trainer.run(_silent, keep_steps={3})
+    seen: list[Policy] = []
+    trainer.run(lambda _: seen.append(trainer.policy()), keep_steps={3})  # which leaves the weights as they are
     average, raw = trainer.average.state_dict(), trainer.network.state_dict()
+    assert average.keys() == raw.keys() and len(seen) == 3
     assert not any(torch.equal(average[name], raw[name]) for name in average if name.endswith("weight"))
     for path in ("policy.safetensors", "checkpoints/step-0000003.safetensors"):
         saved = load_file(tmp_path / "run" / path)

@@ -12,7 +12,6 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from cliport_policy.data.color_names import color_spans
-from cliport_policy.folded_norms import fold_norms
 from cliport_policy.language import TextEncoder
 from cliport_policy.networks.joint.color_maps import shown_by_maps
 from cliport_policy.odds import shifted
@@ -78,7 +77,6 @@ class Presence:
     ) -> None:
         self.vocabulary, self._encoder, self._shapes = vocabulary, encoder, shapes
         self._scene, self._sentence = scene.eval(), sentence.eval()
-        fold_norms(self._scene)
         self.meant = lru_cache(_REMEMBERED)(self._meant)
 
     @torch.inference_mode()

@@ -13,6 +13,7 @@ from cliport_policy.blank import blank_modules
 from cliport_policy.card import Card
 from cliport_policy.checkpoint import PRESENCE, halved, load_checkpoint, save_checkpoint
 from cliport_policy.errors import CheckpointError
+from cliport_policy.folded_norms import fold_norms
 from cliport_policy.language import TextEncoder
 from cliport_policy.presence.presence import Presence
 from cliport_policy.presence.scene_net import SceneNet
@@ -69,4 +70,5 @@ def load_presence(tensors: Mapping[str, Tensor], card: Card, encoder: TextEncode
         ) from error
     knows_shapes = getattr(card.network, "knows_shapes", False)
     shapes = ShapeReader(load_outline_net(), card.workspace.pixel_size) if knows_shapes else None
-    return Presence(vocabulary, encoder, scene.requires_grad_(False), sentence.requires_grad_(False), shapes)
+    fold_norms(scene.requires_grad_(False).eval())
+    return Presence(vocabulary, encoder, scene, sentence.requires_grad_(False), shapes)
