@@ -21,6 +21,7 @@ from cliport_core.workspace import WorkspaceSpec
 from cliport_policy.card import Card, resolve_checkpoint
 from cliport_policy.checkpoint import ANCHORS, load_checkpoint
 from cliport_policy.errors import CheckpointError, InstructionError, ObservationError
+from cliport_policy.folded_norms import fold_norms
 from cliport_policy.inference import AffordanceMaps, Explanation, Inference
 from cliport_policy.language import ENCODER_NAME, TextEncoder, TokenEmbeddings, shared_encoder
 from cliport_policy.memory import release_unused
@@ -282,6 +283,7 @@ def load_policy(path_or_name: str | Path = "default", precision: str = "auto", c
     if ANCHORS not in tensors:
         raise CheckpointError(f"checkpoint {path} lacks {ANCHORS}: train again")
     network = restore_network(card.network, tensors, card.frozen, path, precision)
+    fold_norms(network.eval())
     presence = load_presence(tensors, card, shared_encoder(), path)
     if compiled:
         compile_network(network)

@@ -17,7 +17,6 @@ from cliport_policy.config import PRECISIONS, NetworkConfig
 from cliport_policy.encoders.files import models_folder
 from cliport_policy.encoders.registry import shared_encoders, with_available_encoder
 from cliport_policy.errors import CheckpointError, ConfigError
-from cliport_policy.folded_norms import fold_norms
 from cliport_policy.joint_config import JointConfig
 from cliport_policy.named_configs import AnyNetworkConfig
 from cliport_policy.networks.compact.network import CompactNetwork
@@ -73,8 +72,7 @@ def restore_network(
         raise CheckpointError(
             f"checkpoint {path} does not fit its card ({reason}): restore it or train again"
         ) from error
-    fold_norms(network.requires_grad_(False).eval())
-    return network
+    return network.requires_grad_(False)
 
 
 def _network_without_weights(config: AnyNetworkConfig, precision: str) -> tuple[PolicyNetwork, torch.dtype]:
