@@ -5,10 +5,11 @@ from __future__ import annotations
 import argparse
 import sys
 import time
+from collections.abc import Sequence
 from contextlib import nullcontext
 from pathlib import Path
 
-from cliport_benchmark.episode import Episode
+from cliport_benchmark.episode import Episode, Step
 from cliport_benchmark.errors import BenchmarkError, OptionError
 from cliport_benchmark.evaluate import EvaluateConfig, evaluate
 from cliport_benchmark.journal import Discarded, Journal, Outcome
@@ -136,13 +137,22 @@ class _Progress:
             self._scores.append(outcome.score)
             what = f"score {outcome.score:.2f} in {outcome.steps} steps"
         if isinstance(outcome, Episode):
-            failures = [s for s in outcome.actions if s.outcome != "SUCCEEDED"]
-            what += "".join(f", {s.outcome}: {s.message}" for s in failures)
+            what += _failures(outcome.actions)
             what += f", {outcome.error}" if outcome.error else ""
         mean = 100.0 * sum(self._scores) / max(1, len(self._scores))
         eta = (self._total - self._done) * (time.monotonic() - self._start) / self._new
         count = f"[{self._done}/{self._total}]"
         print(f"{count} seed {outcome.seed}: {what}; mean {mean:.1f}, ETA {eta / 60:.1f} min", flush=True)
+
+
+def _failures(actions: Sequence[Step]) -> str:
+    """Return which actions failed, as the end of a line: of each outcome how many, and what was said of the last."""
+    messages: dict[str, list[str]] = {}
+    for action in actions:
+        if action.outcome != "SUCCEEDED":
+            messages.setdefault(action.outcome, []).append(action.message)
+    times = {kind: f" {len(said)} times, in the end" if len(said) > 1 else "" for kind, said in messages.items()}
+    return "".join(f", {kind}{times[kind]}: {said[-1]}" for kind, said in messages.items())
 
 
 def _parser() -> argparse.ArgumentParser:
