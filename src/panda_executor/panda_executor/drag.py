@@ -69,7 +69,8 @@ def plan_drag(
 ) -> DragPlan:
     """Plan a sweep (fingers closed throughout) or a fold (they close at the pick and open at the place).
 
-    The tcp moves in a straight line at one height, turning from the pick's yaw to the place's.
+    The tcp moves in a straight line at one height, turning from the pick's yaw to the place's. Where the arm cannot, a
+    fold's hand turns the other way, to jaws that stand alike, or not at all: between them is a point of what is folded.
 
     Raises:
         PlanningError: when something tall stands in the way, or the arm cannot follow the line.
@@ -78,7 +79,7 @@ def plan_drag(
     budget = planner.budget(should_stop)
     drag = _Drag(planner, action, cloud, workspace, start, budget)
     reason = "no approach to the start of the line is free"
-    for lean, flip in itertools.product(planner.config.lean, (0.0, math.pi)):
+    for turn, lean, flip in itertools.product(drag.turns(), planner.config.lean, (0.0, math.pi)):
         try:
             branches = planner.ik.solve_all(drag.above_pick(flip, lean), start)
         except InverseKinematicsError as error:
@@ -88,7 +89,7 @@ def plan_drag(
         for branch in itertools.islice(free, _MAX_BRANCHES):
             budget.check(reason)
             try:
-                return drag.plan(branch.positions, flip)
+                return drag.plan(branch.positions, flip, turn)
             except BudgetSpentError:
                 raise
             except ExecutorError as error:
@@ -131,12 +132,18 @@ class _Drag:
         self._opening = config.hand.fold_opening if fold else 0.0
         self._lift = config.drag.fold_lift if fold else 0.0
         self._z = config.scene.table_z + config.hand.fingertip_below_tcp + config.drag.tip_clearance
-        self._turn = math.remainder(action.place.yaw - action.pick.yaw, math.tau)
         swept = planner.grid(cloud[~self._in_corridor(cloud)], workspace, start)
         grid = planner.grid(cloud, workspace, start)
         self._travelling = planner.scene(grid, HandShape(config.hand, margin=config.clearance))
         self._working = planner.scene(swept, HandShape(config.hand, self._opening))
         self._leaving = planner.scene(swept, HandShape(config.hand))
+
+    def turns(self) -> tuple[float, ...]:
+        """Return by how much the hand may turn on its way [rad], the asked turn first; a sweep's does not turn."""
+        asked = math.remainder(self._action.place.yaw - self._action.pick.yaw, math.tau)
+        if self._action.primitive is not Primitive.FOLD:
+            return (asked,)
+        return asked, asked - math.copysign(math.pi, asked), 0.0
 
     def above_pick(self, flip: float, lean: float) -> Pose:
         """Return the pose from which the hand goes down.
@@ -149,14 +156,14 @@ class _Drag:
         """Return whether the arm may travel to configuration `above` (7,) [rad]."""
         return self._travelling.is_valid(above)
 
-    def plan(self, above: FloatArray, flip: float) -> DragPlan:
-        """Plan every motion of an arm that comes from configuration `above` (7,) [rad].
+    def plan(self, above: FloatArray, flip: float, turn: float) -> DragPlan:
+        """Plan every motion of an arm that comes from configuration `above` (7,) [rad] and turns its hand by `turn`.
 
         Raises:
             ExecutorError: names the motion that fails.
         """
         pick, place = self._action.pick, self._action.place
-        first, last = pick.yaw + flip, pick.yaw + flip + self._turn
+        first, last = pick.yaw + flip, pick.yaw + flip + turn
         low = self._z + self._lift
         descend = self._straight(Phase.DESCEND, above, hand_down_pose(pick.x, pick.y, self._z, first), "go down")
         lift, end = None, descend.trajectory.end

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -106,6 +107,23 @@ def test_a_fold_turns_from_the_picks_yaw_to_the_places(slow: TransferPlanner, fo
     rotations = [slow.model.tcp_arrays(q)[0] for q in (fold.drag.trajectory.start, fold.drag.trajectory.end)]
     turn = rotations[0].T @ rotations[1]
     assert np.degrees(np.arccos((np.trace(turn) - 1.0) / 2.0)) == pytest.approx(np.degrees(0.5), abs=0.1)
+
+
+@pytest.mark.parametrize(
+    ("pick", "place", "turned"),
+    [
+        (PlanarPose(0.57, 0.12, 2.81), PlanarPose(0.27, -0.02, -0.07), math.pi - 2.88),  # the other way
+        (PlanarPose(0.54, -0.15, -1.39), PlanarPose(0.26, -0.07, -1.69), 0.0),
+    ],
+)
+def test_a_fold_that_the_arm_cannot_turn_so_is_turned_otherwise(
+    slow: TransferPlanner, workspace: WorkspaceSpec, pick: PlanarPose, place: PlanarPose, turned: float
+) -> None:
+    plan = plan_drag(slow, PickPlaceAction(pick, place, Primitive.FOLD), EMPTY, workspace, READY)
+    (first, _), (last, at) = (slow.model.tcp_arrays(q) for q in (plan.lift.trajectory.end, plan.drag.trajectory.end))  # type: ignore[union-attr]
+    turn = first.T @ last
+    assert math.acos(min((np.trace(turn) - 1.0) / 2.0, 1.0)) == pytest.approx(turned, abs=0.01)
+    np.testing.assert_allclose(at[:2], [place.x, place.y], atol=1e-3)
 
 
 def test_things_low_and_near_the_line_are_moved_and_all_others_avoided(
