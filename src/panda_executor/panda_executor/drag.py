@@ -79,21 +79,27 @@ def plan_drag(
     budget = planner.budget(should_stop)
     drag = _Drag(planner, action, cloud, workspace, start, budget)
     reason = "no approach to the start of the line is free"
-    for turn, lean, flip in itertools.product(drag.turns(), planner.config.lean, (0.0, math.pi)):
+    asked, *others = drag.turns()
+    begun: list[tuple[FloatArray, float]] = []  # free approaches, and how the jaws are flipped there
+    for lean, flip in itertools.product(planner.config.lean, (0.0, math.pi)):
         try:
             branches = planner.ik.solve_all(drag.above_pick(flip, lean), start)
         except InverseKinematicsError as error:
             reason = str(error)
             continue
-        free = (branch for branch in branches if drag.may_begin(branch.positions))
-        for branch in itertools.islice(free, _MAX_BRANCHES):
+        free = (branch.positions for branch in branches if drag.may_begin(branch.positions))
+        for above in itertools.islice(free, _MAX_BRANCHES):
             budget.check(reason)
-            try:
-                return drag.plan(branch.positions, flip, turn)
-            except BudgetSpentError:
-                raise
-            except ExecutorError as error:
-                reason = str(error)
+            plan = drag.attempt(above, flip, asked)
+            if isinstance(plan, DragPlan):
+                return plan
+            begun.append((above, flip))
+            reason = plan
+    for turn, (above, flip) in itertools.product(others, begun):
+        budget.check(reason)
+        plan = drag.attempt(above, flip, turn)
+        if isinstance(plan, DragPlan):
+            return plan
     raise PlanningError(f"{action.primitive.label} from the pick to the place: {reason}")
 
 
@@ -139,11 +145,10 @@ class _Drag:
         self._leaving = planner.scene(swept, HandShape(config.hand))
 
     def turns(self) -> tuple[float, ...]:
-        """Return by how much the hand may turn on its way [rad], the asked turn first; a sweep's does not turn."""
+        """Return by how much the hand may turn on its way [rad], each once, the asked turn first."""
         asked = math.remainder(self._action.place.yaw - self._action.pick.yaw, math.tau)
-        if self._action.primitive is not Primitive.FOLD:
-            return (asked,)
-        return asked, asked - math.copysign(math.pi, asked), 0.0
+        is_fold = self._action.primitive is Primitive.FOLD
+        return tuple(dict.fromkeys((asked, asked + math.pi, 0.0))) if is_fold else (asked,)
 
     def above_pick(self, flip: float, lean: float) -> Pose:
         """Return the pose from which the hand goes down.
@@ -155,6 +160,15 @@ class _Drag:
     def may_begin(self, above: FloatArray) -> bool:
         """Return whether the arm may travel to configuration `above` (7,) [rad]."""
         return self._travelling.is_valid(above)
+
+    def attempt(self, above: FloatArray, flip: float, turn: float) -> DragPlan | str:
+        """Return what `plan` does, or why it fails; BudgetSpentError, which ends all attempts, is raised."""
+        try:
+            return self.plan(above, flip, turn)
+        except BudgetSpentError:
+            raise
+        except ExecutorError as error:
+            return str(error)
 
     def plan(self, above: FloatArray, flip: float, turn: float) -> DragPlan:
         """Plan every motion of an arm that comes from configuration `above` (7,) [rad] and turns its hand by `turn`.

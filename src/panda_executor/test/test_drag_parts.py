@@ -10,7 +10,7 @@ import pytest
 from synthetic_clouds import Cube, cloud_of
 
 from cliport_core.action import PickPlaceAction, Primitive
-from cliport_core.pose import PlanarPose
+from cliport_core.pose import PlanarPose, Pose
 from cliport_core.workspace import WorkspaceSpec
 from panda_executor import drag
 from panda_executor.config import ExecutorConfig
@@ -195,3 +195,20 @@ def test_a_drag_beyond_the_arm_says_which_part_fails(slow: TransferPlanner, work
     far = PickPlaceAction(PlanarPose(0.5, 0.0, 0.0), PlanarPose(0.95, 0.0, 0.0), Primitive.SWEEP)
     with pytest.raises(PlanningError, match="sweep from the pick to the place: the hand cannot follow the line"):
         plan_drag(slow, far, EMPTY, workspace, READY)
+
+
+def test_a_fold_out_of_reach_is_sought_once_not_for_each_turn(
+    slow: TransferPlanner, workspace: WorkspaceSpec, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sought: list[tuple[float, float]] = []
+    above_pick = drag._Drag.above_pick
+
+    def noted(self: drag._Drag, flip: float, lean: float) -> Pose:
+        sought.append((flip, lean))
+        return above_pick(self, flip, lean)
+
+    monkeypatch.setattr(drag._Drag, "above_pick", noted)
+    far = PickPlaceAction(PlanarPose(0.95, 0.0, 0.3), PlanarPose(0.5, 0.0, 1.0), Primitive.FOLD)
+    with pytest.raises(PlanningError, match="fold from the pick to the place: the hand cannot reach"):
+        plan_drag(slow, far, EMPTY, workspace, READY)
+    assert len(sought) == len(set(sought)) > 1
