@@ -28,9 +28,9 @@ class Pose:
         translation = np.array(self.translation, dtype=np.float64).reshape(-1)
         if rotation.shape != (3, 3) or translation.shape != (3,):
             raise ValueError(f"Pose needs (3, 3) and (3,), got {rotation.shape} and {translation.shape}")
-        if not (np.all(np.isfinite(rotation)) and np.all(np.isfinite(translation))):
+        if not all(map(math.isfinite, (*rotation.ravel().tolist(), *translation.tolist()))):
             raise ValueError("Pose needs finite values")
-        if np.abs(rotation @ rotation.T - np.eye(3)).max() > 1e-6 or np.linalg.det(rotation) < 0.0:
+        if not _is_proper(rotation):
             raise ValueError("Pose needs a proper rotation matrix")
         rotation.flags.writeable = False
         translation.flags.writeable = False
@@ -77,10 +77,10 @@ class Pose:
             ValueError: when the quaternion is zero or not finite.
         """
         q = np.asarray(quaternion_xyzw, dtype=np.float64).reshape(4)
-        norm = float(np.linalg.norm(q))
+        norm = math.sqrt(q.dot(q))
         if not math.isfinite(norm) or norm < 1e-9:
             raise ValueError(f"quaternion {q.tolist()} has no direction")
-        x, y, z, w = q / norm
+        x, y, z, w = (q / norm).tolist()
         rotation = np.array(
             [
                 [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
@@ -132,6 +132,17 @@ class Pose:
             right = np.array([0.0, -1.0, 0.0])
         right = right / np.linalg.norm(right)
         return cls(np.column_stack([right, np.cross(forward, right), forward]), eye_xyz)
+
+
+def _is_proper(rotation: FloatArray) -> bool:
+    """Return whether a finite matrix (3, 3) is a rotation, to 1e-6; NumPy is slow on so few numbers."""
+    (a, b, c), (d, e, f), (g, h, i) = rotation.tolist()
+    lengths = a * a + b * b + c * c - 1.0, d * d + e * e + f * f - 1.0, g * g + h * h + i * i - 1.0
+    products = a * d + b * e + c * f, a * g + b * h + c * i, d * g + e * h + f * i
+    if max(map(abs, (*lengths, *products))) > 1e-6:
+        return False
+    determinant: float = a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
+    return determinant > 0.0
 
 
 @dataclass(frozen=True)

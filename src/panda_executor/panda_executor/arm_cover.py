@@ -101,10 +101,10 @@ def _hull_surface(vertices: FloatArray) -> FloatArray:
 def _spheres(points: FloatArray, edge: float, joint: int = 0, part_of: int = -1) -> list[_Sphere]:
     """Return a sphere for each cube of a grid, its edge [m], that holds some of the points (N, 3) [m]."""
     cells = np.floor((points - points.min(axis=0)) / edge).astype(np.int64)
-    _, index = np.unique(cells, axis=0, return_inverse=True)
+    numbers = np.ravel_multi_index(tuple(cells.T), tuple(cells.max(axis=0) + 1))
+    order = np.argsort(numbers, kind="stable")
     found = []
-    for cell in range(int(index.max()) + 1):
-        mine = points[index.ravel() == cell]
+    for mine in np.split(points[order], np.flatnonzero(np.diff(numbers[order])) + 1):
         centre = (mine.min(axis=0) + mine.max(axis=0)) / 2.0
         radius = float(np.linalg.norm(mine - centre, axis=1).max()) + _SAMPLE / 2.0
         found.append(_Sphere(joint, centre, radius, part_of, mine))

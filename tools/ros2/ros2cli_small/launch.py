@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import argparse
-import asyncio
 import os
-import socket
 import sys
 from datetime import datetime
 from pathlib import Path
@@ -13,7 +11,6 @@ from typing import Any
 
 from ros2cli_small.errors import CommandError
 from ros2cli_small.launch_file import Argument, LaunchDescription
-from ros2cli_small.launch_service import LaunchLog, LaunchService
 from ros2cli_small.packages import find_share
 
 
@@ -82,7 +79,7 @@ def log_folder() -> Path:
     """Return a new folder for this launch's log, where ROS keeps its logs."""
     home = Path(os.environ.get("ROS_HOME") or Path.home() / ".ros")
     base = Path(os.environ.get("ROS_LOG_DIR") or home / "log")
-    name = f"{datetime.now():%Y-%m-%d-%H-%M-%S-%f}-{socket.gethostname()}-{os.getpid()}"
+    name = f"{datetime.now():%Y-%m-%d-%H-%M-%S-%f}-{os.uname().nodename}-{os.getpid()}"
     try:
         (base / name).mkdir(parents=True)
     except OSError as error:
@@ -101,6 +98,10 @@ def main(args: argparse.Namespace) -> int:
         description.load(path)
         show(description.arguments)
         return 0
+    import asyncio  # slow to import, and no other verb needs it
+
+    from ros2cli_small.launch_service import LaunchLog, LaunchService
+
     folder = log_folder()
     with (folder / "launch.log").open("w") as file:
         log = LaunchLog(file)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -27,7 +28,11 @@ class Placement:
 
     def board_in_camera(self, gripper_in_base: Pose) -> Pose:
         """Return where the board is before the camera when the gripper stands at a pose."""
-        return self.camera_in_base.inverse() @ gripper_in_base @ self.board_in_gripper
+        return self._base_in_camera @ gripper_in_base @ self.board_in_gripper
+
+    @cached_property
+    def _base_in_camera(self) -> Pose:
+        return self.camera_in_base.inverse()
 
 
 @dataclass(frozen=True)

@@ -40,8 +40,10 @@ def candidate_poses(first: Pose, config: ProposalConfig | None = None) -> list[P
         for about_x, about_y, roll in itertools.product(config.tilts, config.tilts, config.rolls)
     ]
     poses = []
-    for turn, shift in itertools.product(turns, itertools.product(config.shifts, repeat=3)):
-        poses.append(Pose(first.rotation @ turn.as_matrix(), first.translation + np.array(shift)))
+    for turn in turns:
+        rotation = first.rotation @ turn.as_matrix()
+        for shift in itertools.product(config.shifts, repeat=3):
+            poses.append(Pose(rotation, first.translation + np.array(shift)))
     return poses
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -26,11 +27,11 @@ class BoxPart:
     size: tuple[float, float, float]
     pose: Pose
 
-    @property
+    @cached_property
     def corners(self) -> npt.NDArray[np.float64]:
-        """Corners of the box, (8, 3) [m, body frame]."""
+        """Corners of the box, (8, 3) [m, body frame], read-only."""
         signs = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
-        return self.pose.apply(signs * self.size)
+        return _read_only(self.pose.apply(signs * self.size))
 
 
 @dataclass(frozen=True)
@@ -41,13 +42,13 @@ class CylinderPart:
     height: float
     pose: Pose
 
-    @property
+    @cached_property
     def corners(self) -> npt.NDArray[np.float64]:
-        """Corners of a prism of twelve sides around it, (24, 3) [m, body frame]."""
+        """Corners of a prism of twelve sides around it, (24, 3) [m, body frame], read-only."""
         angles = np.arange(12) * (np.pi / 6)
         ring = np.stack([np.cos(angles), np.sin(angles)], axis=-1) * (self.radius / np.cos(np.pi / 12))
         ends = [np.column_stack([ring, np.full(12, z)]) for z in (-self.height / 2, self.height / 2)]
-        return self.pose.apply(np.concatenate(ends))
+        return _read_only(self.pose.apply(np.concatenate(ends)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,6 +97,11 @@ class Collision:
         """Create a collision shape in a client and return PyBullet's id."""
         hulls = [part for part in self.parts if isinstance(part, HullPart)]
         return _create_hulls(client, hulls) if hulls else _create_primitives(client, self.parts)
+
+
+def _read_only(points: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    points.flags.writeable = False
+    return points
 
 
 def _create_primitives(client: int, parts: Sequence[PrimitivePart] | Sequence[HullPart]) -> int:

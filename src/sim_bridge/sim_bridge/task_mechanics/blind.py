@@ -57,11 +57,12 @@ class BlindChooser:
         """Return every move that looks right, as a goal of one thing and one target."""
         things = [thing for thing in self._task.objects if not thing.fixed and not self._is_covered(thing)]
         moves = []
+        ground = min(float(pose.translation[2]) for goal in goals for pose in goal.targets)
         for thing in things:
             offered = [move for goal in goals for move in _offered_moves(goal, goals, thing)]
             open_moves = [move for move in offered if not self._is_there(thing, move)]
             if len(open_moves) == len(offered) or _serves_several_goals(thing, goals):
-                moves += [move for move in open_moves if self._is_free(thing, move)]
+                moves += [move for move in open_moves if self._is_free(thing, move, ground)]
         return moves
 
     def _is_covered(self, thing: SceneObject) -> bool:
@@ -77,8 +78,12 @@ class BlindChooser:
         level = self._world.object_pose(thing).translation[2] - move.targets[0].translation[2]
         return bool(move.matched(self._world).any()) and abs(level) < _level_tolerance(move)
 
-    def _is_free(self, thing: SceneObject, move: Goal) -> bool:
-        """Return True if the target is free and, where it is above the ground, the thing that it rests on is there."""
+    def _is_free(self, thing: SceneObject, move: Goal, ground: float) -> bool:
+        """Return True if the target is free and, where it is above the ground, the thing that it rests on is there.
+
+        ground: height of the lowest target of all goals [m]; what is higher rests on another thing of its kind instead
+        of on what is fixed.
+        """
         if isinstance(move.metric, ZoneMetric) and move.metric.about is None:
             return True  # anywhere in the container
         target = move.targets[0].translation
@@ -94,13 +99,8 @@ class BlindChooser:
                 return False
             if apart < _SUPPORT_DISTANCE and 0.5 * height < target[2] - at[2] < 1.5 * height:
                 beneath.append(apart)
-        return not self._is_raised(target) or len(beneath) > 1 or any(apart < _TAKEN_DISTANCE for apart in beneath)
-
-    def _is_raised(self, target: npt.NDArray[np.float64]) -> bool:
-        """Return True if a thing at that target would rest on another thing of its kind instead of on what is fixed."""
-        goals = self._task.goals_without_words()
-        low = min(float(pose.translation[2]) for goal in goals for pose in goal.targets)
-        return bool(target[2] > low + _LEVEL_TOLERANCE)
+        is_raised = bool(target[2] > ground + _LEVEL_TOLERANCE)
+        return not is_raised or len(beneath) > 1 or any(apart < _TAKEN_DISTANCE for apart in beneath)
 
 
 def _serves_several_goals(thing: SceneObject, goals: Sequence[Goal]) -> bool:
