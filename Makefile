@@ -6,6 +6,9 @@ SHELL := /bin/bash
 .PHONY: ready-to-simulate ready-to-measure ready-for-tests ready-to-mutate ready-to-check
 MAKEFLAGS += --no-print-directory
 
+# Tests and launches start Python hundreds of times: what is compiled once must last, whatever the shell says.
+unexport PYTHONDONTWRITEBYTECODE
+
 # What a person says may hold quotes and dollars: it goes through the environment, unread by make and the shell.
 unexport TASK SEED INSTRUCTION CHECKPOINT PACKAGE SAMPLE
 demo: export DEMO_TASK = $(value TASK)

@@ -49,6 +49,11 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: object) -> FilesToge
     return FilesTogether(config, log)
 
 
+def _folders_with_tests(path: Path) -> list[Path]:
+    """Return the folders of tests of all packages in a folder; of anything else itself."""
+    return sorted(path.glob("*/test")) or [path]
+
+
 class FailuresAtOnce:
     """Says in a line, when it happens, which test failed or is tried again, and why: a run can end without summary."""
 
@@ -68,7 +73,11 @@ class FailuresAtOnce:
 
 @pytest.hookimpl(trylast=True)
 def pytest_configure(config: pytest.Config) -> None:
-    """Watch the reports of all processes, in the one that prints."""
+    """Watch the reports of all processes, in the one that prints; let each of the others begin elsewhere."""
+    if worker := getattr(config, "workerinput", None):
+        folders = [str(folder) for path in config.args for folder in _folders_with_tests(Path(path))]
+        first = int(worker["workerid"].removeprefix("gw")) * len(folders) // worker["workercount"]
+        config.args[:] = folders[first:] + folders[:first]  # what one compiles the others then find compiled
     reporter = config.pluginmanager.get_plugin("terminalreporter")
     if reporter and not hasattr(config, "workerinput"):
         config.pluginmanager.register(FailuresAtOnce(reporter))
@@ -83,4 +92,4 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         if PROCESSES & vars(getattr(item, "module", None) or object).keys():
             item.add_marker(pytest.mark.flaky(reruns=2))
-    items.sort(key=lambda item: GRAPH_TESTS not in item.path.parents)
+    items.sort(key=lambda item: (GRAPH_TESTS not in item.path.parents, item.path))

@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 CONFTEST = Path(__file__).parents[1] / "conftest.py"
+PYTEST = [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", "-p", "no:dash"]
 TESTS = """
 import os, signal
 import pytest
@@ -43,7 +44,7 @@ def test_each_failure_is_named_before_the_summary(tmp_path: Path) -> None:
     """A run may be ended before that."""
     shutil.copy(CONFTEST, tmp_path)
     (tmp_path / "test_some.py").write_text(TESTS)
-    command = [sys.executable, "-m", "pytest", "-n", "1", "--max-worker-restart", "0", "-p", "no:cacheprovider"]
+    command = [*PYTEST, "-n", "1", "--max-worker-restart", "0"]
     ran = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False)
     at_once, _, _ = ran.stdout.partition("= FAILURES =")
     assert "tried again after 0 s: test_some.py::test_late: AssertionError: no answer yet" in at_once, ran.stdout
@@ -58,8 +59,7 @@ def test_the_last_of_three_processes_has_what_mostly_waits(tmp_path: Path) -> No
     for path in (tmp_path / name for name in waiting | others):
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(SHARED)
-    command = [sys.executable, "-m", "pytest", "-n", "3", "--no-loadscope-reorder", "-p", "no:cacheprovider"]
-    command += ["--import-mode", "importlib"]
+    command = [*PYTEST, "-n", "3", "--no-loadscope-reorder", "--import-mode", "importlib"]
     where = tmp_path / "where"
     subprocess.run(command, cwd=tmp_path, env={**os.environ, "WHERE": str(where)}, check=True, timeout=120)
     ran = [line.split() for line in where.read_text().splitlines()]
