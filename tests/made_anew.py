@@ -29,7 +29,11 @@ class MadeAnew(Generic[Shared]):
     def of(self, request: pytest.FixtureRequest) -> Shared:
         """Return what a test's try may use; a test asks once in each."""
         if self._shared is None or getattr(request.node, "execution_count", 1) > 1:
-            self._shared = None
-            self._made.close()
+            self.end()
             self._shared = self._made.enter_context(self._make())
         return self._shared
+
+    def end(self) -> None:
+        """End it where a test needs it no more; one that asks for it later gets another."""
+        self._shared = None
+        self._made.close()

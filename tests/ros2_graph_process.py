@@ -33,7 +33,8 @@ def publishing_nodes(process: int) -> list[Node]:
         for topic in range(TOPICS):
             node.create_publisher(String, f"/p{process}/n{number}/t{topic}", profile)
     talker = nodes[0].create_publisher(String, f"/p{process}/talk", qos_profile_sensor_data)
-    nodes[0].create_timer(0.1, lambda: talker.publish(String(data="said")))
+    if process == 0:  # nobody listens to the others
+        nodes[0].create_timer(0.1, lambda: talker.publish(String(data="said")))
     nodes[0].create_subscription(String, f"/p{process}/hear", lambda _message: None, 10)
     for name, value in {"speed": 0.5, "label": "fast", "count": 3, "on": True, "names": ["a", "b"]}.items():
         nodes[0].declare_parameter(f"motor.{name}" if name == "speed" else name, value)

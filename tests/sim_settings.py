@@ -21,3 +21,12 @@ def written(settings: dict[str, Any], folder: Path) -> Path:
     path = folder / "params.yaml"
     path.write_text(yaml.safe_dump(settings))
     return path
+
+
+def with_slower_rates(folder: Path, factor: float) -> Path:
+    """Return a copy of sim.yaml whose pictures, clock and joint states come so many times less often."""
+    settings = shipped_settings()
+    simulator = settings["/sim_bridge"]["ros__parameters"]
+    simulator["camera_rate"] /= factor
+    simulator |= dict.fromkeys(("clock_rate", "joint_state_rate"), 50.0 / factor)
+    return written(settings, folder)

@@ -3,9 +3,10 @@
 import json
 import os
 import signal
+import subprocess
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -13,14 +14,17 @@ import pytest
 from graph_probe import STILL, GraphProbe
 from hardware_times import with_hardware_times
 from made_anew import MadeAnew
+from ros2cli_small.launch_file import LaunchDescription
 from ros_domain import next_domain
+from sim_settings import with_slower_rates
 
 from cliport_benchmark.graph_process import GraphProcess
 from cliport_interfaces.action import PickPlace
 from cliport_interfaces.msg import PolicyStatus
 
 TASK = "put-blocks-in-bowls-seen-colors"
-SPEED = "2.0"  # simulated seconds a second
+SPEED = 2.0  # simulated seconds a second
+POLICY_LAUNCH = Path(__file__).resolve().parents[1] / "src/cliport_bringup/launch/policy.launch.yaml"
 A_SCENE = 5  # trajectories at least that an instruction sends
 FAILED, DONE, EXECUTING = PolicyStatus.STATE_FAILED, PolicyStatus.STATE_DONE, PolicyStatus.STATE_EXECUTING
 
@@ -50,9 +54,14 @@ def graph_in(folder: Path, **arguments: str) -> Iterator[Running]:
     assert graph.pids() == []
 
 
+def hurried_graph(folder: Path) -> AbstractContextManager[Running]:
+    """A graph whose time runs faster, while its pictures, clock and joint states come as often as at real time."""
+    return graph_in(folder, params=str(with_slower_rates(folder, SPEED)), real_time_factor=str(SPEED))
+
+
 @pytest.fixture(scope="module")
 def graphs(tmp_path_factory: pytest.TempPathFactory) -> Iterator[MadeAnew[Running]]:
-    with MadeAnew(lambda: graph_in(tmp_path_factory.mktemp("graph"), real_time_factor=SPEED)) as made:
+    with MadeAnew(lambda: hurried_graph(tmp_path_factory.mktemp("graph"))) as made:
         yield made
 
 
@@ -63,12 +72,19 @@ def running(graphs: MadeAnew[Running], request: pytest.FixtureRequest) -> Runnin
 
 
 @pytest.fixture
-def probe(running: Running) -> Iterator[GraphProbe]:
-    """The client, with a fresh scene and every fault switched off; the arm is at rest before and after."""
+def at_rest(running: Running) -> GraphProbe:
+    """The client, while the arm is at rest; it is for what changes nothing in the scene."""
     graph, client, _ = running
     assert graph.alive, graph.log_tail(40)
     client.instruct("")
     client.wait_still(time.monotonic(), 15.0)
+    return client
+
+
+@pytest.fixture
+def probe(at_rest: GraphProbe) -> Iterator[GraphProbe]:
+    """The client, with a fresh scene and every fault switched off; the arm is at rest before and after."""
+    client = at_rest
     client.reset(TASK, "test", 1)
     time.sleep(0.5)
     yield client
@@ -112,17 +128,20 @@ def test_killing_the_executor_stops_the_arm_and_is_said(tmp_path: Path) -> None:
 
 
 def test_a_corrupt_checkpoint_is_one_line(tmp_path: Path) -> None:
+    """The policy server alone, started as the launch file starts it."""
     broken = tmp_path / "broken.safetensors"
     broken.write_bytes(b"not a checkpoint")
     (tmp_path / "broken.json").write_text("{")
-    environment = {"ROS_DOMAIN_ID": str(next_domain())}
-    with GraphProcess("policy.launch.yaml", {"checkpoint": str(broken)}, tmp_path / "log", environment) as graph:
-        deadline = time.monotonic() + 120
-        while "error:" not in graph.log_text() and time.monotonic() < deadline:
-            time.sleep(0.1)
-    server = [line for line in graph.log_text().splitlines() if line.startswith("[server")]
-    assert [line for line in server if "broken" in line]
-    assert not [line for line in server if "Traceback" in line]
+    launch = LaunchDescription({"checkpoint": str(broken)})
+    launch.load(POLICY_LAUNCH)
+    (server,) = (process for process in launch.processes if process.label == "server")
+    assert {"checkpoint": str(broken)} in server.parameters
+    command = [*server.command, "-p", f"checkpoint:={broken}"]
+    environment = {**os.environ, "ROS_DOMAIN_ID": str(next_domain())}
+    ended = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=120, check=False)
+    said = ended.stdout + ended.stderr
+    assert ended.returncode == 1 and [line for line in said.splitlines() if "error:" in line and "broken" in line]
+    assert "Traceback" not in said
 
 
 def test_an_instruction_is_done(probe: GraphProbe) -> None:
@@ -143,11 +162,11 @@ def test_an_instruction_is_done(probe: GraphProbe) -> None:
     ],
     ids=["huge", "nonsense", "noise", "unprintable"],
 )
-def test_a_bad_instruction_moves_nothing(probe: GraphProbe, instruction: str, reason: str) -> None:
+def test_a_bad_instruction_moves_nothing(at_rest: GraphProbe, instruction: str, reason: str) -> None:
     start = time.monotonic()
-    assert reason in _fails_in_one_line(probe, instruction)
+    assert reason in _fails_in_one_line(at_rest, instruction)
     time.sleep(0.5)
-    assert probe.fastest(start) < STILL
+    assert at_rest.fastest(start) < STILL
 
 
 def test_an_empty_instruction_stops(running: Running, probe: GraphProbe) -> None:
@@ -163,13 +182,13 @@ def test_an_empty_instruction_stops(running: Running, probe: GraphProbe) -> None
     ("pick", "place"), [((0.9, 0.0), (0.4, 0.2)), ((0.4, 0.0), (0.4, 0.7)), ((float("nan"), 0.0), (0.4, 0.2))]
 )
 def test_a_pose_out_of_bounds_is_refused(
-    probe: GraphProbe, pick: tuple[float, float], place: tuple[float, float]
+    at_rest: GraphProbe, pick: tuple[float, float], place: tuple[float, float]
 ) -> None:
     start = time.monotonic()
-    result = probe.result_of(probe.send_pick_place(pick, place))
+    result = at_rest.result_of(at_rest.send_pick_place(pick, place))
     assert result.outcome == PickPlace.Result.OUTCOME_REJECTED
     assert result.message and "\n" not in result.message
-    assert probe.fastest(start) < STILL
+    assert at_rest.fastest(start) < STILL
 
 
 def test_the_hand_goes_where_it_is_told_and_back(probe: GraphProbe) -> None:
@@ -229,13 +248,16 @@ def test_cancel_in_motion_holds_the_arm(running: Running, probe: GraphProbe) -> 
     probe.trigger("/cliport/resume")
 
 
-def test_every_trajectory_sent_is_valid_when_checked_again(running: Running, probe: GraphProbe) -> None:
+def test_every_trajectory_sent_is_valid_when_checked_again(
+    graphs: MadeAnew[Running], running: Running, at_rest: GraphProbe
+) -> None:
     from recheck import recheck_trajectory
 
     log = running[2]
     if len(log.read_text().splitlines()) < A_SCENE:  # the tests before may have sent enough
-        probe.instruct_and_wait(probe.reset(TASK, "test", 5), 120.0)
+        at_rest.instruct_and_wait(at_rest.reset(TASK, "test", 5), 120.0)
     lines = log.read_text().splitlines()
     assert len(lines) >= A_SCENE
+    graphs.end()  # which would take a core until all is checked
     for line in lines:
         recheck_trajectory(json.loads(line))

@@ -29,7 +29,10 @@ def test_a_further_try_gets_another_and_the_old_one_is_ended_first() -> None:
         assert (shared.of(the_try(1)), shared.of(the_try(1))) == (0, 0)
         assert shared.of(the_try(2)) == 2
         assert shared.of(the_try(1)) == 2, "the next test goes on with it"
-    assert heard == ["begin 0", "end 0", "begin 2", "end 2"]
+        shared.end()
+        assert heard[-1] == "end 2"
+        assert shared.of(the_try(1)) == 4, "who asks after its end gets another"
+    assert heard == ["begin 0", "end 0", "begin 2", "end 2", "begin 4", "end 4"]
 
 
 def test_one_that_could_not_be_ended_is_not_met_again() -> None:

@@ -5,9 +5,10 @@ from __future__ import annotations
 import random
 import re
 from pathlib import Path
+from typing import Any
 
 import pytest
-from ros2_bags import bag_command, storage_file, write_bag
+from ros2_bags import storage_file, write_bag
 from std_msgs.msg import Header, String, UInt8MultiArray
 
 from cliport_interfaces.msg import WorkspaceSpec
@@ -19,9 +20,9 @@ ROWS = [
 
 
 @pytest.mark.parametrize(("storage", "version"), [("mcap", 9), ("sqlite3", 9), ("mcap", 5), ("sqlite3", 5)])
-def test_info_of_jazzys_and_humbles_bags(tmp_path, storage, version):
+def test_info_of_jazzys_and_humbles_bags(ros2_here, tmp_path, storage, version):
     write_bag(tmp_path / "theirs", ROWS, storage, version)
-    info = bag_command("info", tmp_path / "theirs")
+    info = ros2_here("bag", "info", tmp_path / "theirs")
     assert (info.returncode, info.stderr) == (0, "")
     lines = info.stdout.splitlines()
     assert lines[1] == f"Files:             {storage_file(tmp_path / 'theirs').name}"
@@ -43,28 +44,28 @@ def test_info_of_jazzys_and_humbles_bags(tmp_path, storage, version):
     ]
 
 
-def test_info_sorts_topics_and_tells_services_apart(tmp_path):
+def test_info_sorts_topics_and_tells_services_apart(ros2_here, tmp_path):
     rows = [("/add/_service_event", 0.1 * k, Header()) for k in range(3)] + ROWS
     write_bag(tmp_path / "bag", rows, types={"/add/_service_event": "add_msgs/srv/Add_Event"})
-    info = bag_command("info", tmp_path / "bag", "--sort", "count").stdout
+    info = ros2_here("bag", "info", tmp_path / "bag", "--sort", "count").stdout
     assert [line.split()[-11] for line in info.splitlines() if "Topic: " in line] == ["/spec", "/words"]
     assert info.endswith(
         "Service:           1\n"
         "Service information: Service: /add | Type: add_msgs/srv/Add | Event Count: 3 | Serialization Format: cdr\n"
     )
-    assert bag_command("info", tmp_path / "bag", "-t").stdout == "/spec\n/words\n"
+    assert ros2_here("bag", "info", tmp_path / "bag", "-t").stdout == "/spec\n/words\n"
 
 
-def test_one_storage_file_is_a_bag(tmp_path):
+def test_one_storage_file_is_a_bag(ros2_here, tmp_path):
     write_bag(tmp_path / "whole", ROWS)
-    info = bag_command("info", storage_file(tmp_path / "whole"))
+    info = ros2_here("bag", "info", storage_file(tmp_path / "whole"))
     assert info.returncode == 0
     assert "Messages:          21\n" in info.stdout
 
 
-def counted(path: Path) -> tuple[int, str]:
+def counted(ros2_here: Any, path: Path) -> tuple[int, str]:
     """Return the counts of `info` for a torn bag, and the one line it says about it."""
-    info = bag_command("info", path)
+    info = ros2_here("bag", "info", path)
     assert info.returncode == 0, info.stderr
     assert len(info.stderr.splitlines()) == 1
     match = re.search(r"^Messages: +(\d+)$", info.stdout, re.MULTILINE)
@@ -73,20 +74,20 @@ def counted(path: Path) -> tuple[int, str]:
 
 
 @pytest.mark.parametrize("metadata", [True, False])
-def test_mcap_cut_in_a_message_keeps_all_before_it(tmp_path, metadata):
+def test_mcap_cut_in_a_message_keeps_all_before_it(ros2_here, tmp_path, metadata):
     write_bag(tmp_path / "torn", ROWS)
     file = storage_file(tmp_path / "torn")
     content = file.read_bytes()
     file.write_bytes(content[: content.index(b"word 13") + 4])
     if not metadata:
         (tmp_path / "torn/metadata.yaml").unlink()
-    count, line = counted(tmp_path / "torn")
+    count, line = counted(ros2_here, tmp_path / "torn")
     assert count == 13
     assert "is not complete" in line
     assert "13 messages" in line
 
 
-def test_cut_compressed_and_sqlite3_bags_keep_their_beginning(tmp_path):
+def test_cut_compressed_and_sqlite3_bags_keep_their_beginning(ros2_here, tmp_path):
     noise = random.Random(1)
     rows = [("/noise", 0.01 * k, UInt8MultiArray(data=noise.randbytes(5000))) for k in range(100)]
     for name, options in {"zstd": {"compressed": True}, "sqlite3": {"storage": "sqlite3"}}.items():
@@ -94,18 +95,18 @@ def test_cut_compressed_and_sqlite3_bags_keep_their_beginning(tmp_path):
         file = storage_file(tmp_path / name)
         content = file.read_bytes()
         file.write_bytes(content[: len(content) * 7 // 10])
-        count, _ = counted(tmp_path / name)
+        count, _ = counted(ros2_here, tmp_path / name)
         assert 40 <= count < 75, name
 
 
-def test_info_of_what_is_no_bag(tmp_path):
+def test_info_of_what_is_no_bag(ros2_here, tmp_path):
     (tmp_path / "empty").mkdir()
     (tmp_path / "text.mcap").write_text("no bag at all")
     write_bag(tmp_path / "odd", ROWS)
     metadata = tmp_path / "odd/metadata.yaml"
     metadata.write_text(metadata.read_text().replace("storage_identifier: mcap", "storage_identifier: papyrus"))
     storage_file(tmp_path / "odd").unlink()
-    absent = bag_command("info", tmp_path / "absent")
+    absent = ros2_here("bag", "info", tmp_path / "absent")
     assert absent.returncode == 2
     assert absent.stderr.endswith(f"error: argument bag_path: Bag path '{tmp_path / 'absent'}' does not exist!\n")
     for path, reason in [
@@ -113,13 +114,13 @@ def test_info_of_what_is_no_bag(tmp_path):
         (tmp_path / "text.mcap", "magic is invalid"),
         (tmp_path / "odd", "missing"),
     ]:
-        info = bag_command("info", path)
+        info = ros2_here("bag", "info", path)
         assert info.returncode == 1
         assert len(info.stderr.splitlines()) == 1
         assert str(path) in info.stderr and reason in info.stderr
 
 
-def test_refusals_come_in_one_line(tmp_path):
+def test_refusals_come_in_one_line(ros2_here, tmp_path):
     write_bag(tmp_path / "bag", ROWS)
     write_bag(tmp_path / "strange", [("/strange", 0.0, Header())], types={"/strange": "nowhere_msgs/msg/Thing"})
     (tmp_path / "qos.yaml").write_text("/words: {reliability: sometimes}")
@@ -138,7 +139,7 @@ def test_refusals_come_in_one_line(tmp_path):
         (["record", "-a", "-o", tmp_path / "bag"], f"Output folder '{tmp_path / 'bag'}' already exists."),
         (["record", "-a", "-o", tmp_path / "qos.yaml/bag"], "Cannot write to bag"),
     ]:
-        refused = bag_command(*arguments)
+        refused = ros2_here("bag", *arguments)
         assert refused.returncode == 1, arguments
         assert message in refused.stderr, arguments
         assert len(refused.stderr.splitlines()) == 1, refused.stderr
@@ -148,7 +149,7 @@ def test_refusals_come_in_one_line(tmp_path):
         ([*record, "-a", "-s", "papyrus"], "invalid choice: 'papyrus'"),
         ([*record, "/a", "--topics", "/b"], "not allowed with argument"),
     ]:
-        refused = bag_command(*arguments)
+        refused = ros2_here("bag", *arguments)
         assert refused.returncode == 2, arguments
         assert message in refused.stderr.splitlines()[-1], refused.stderr
     assert not (tmp_path / "new").exists()

@@ -194,8 +194,8 @@ def test_echo_of_a_topic_that_nobody_publishes(environment):
         ("std_msgs/msg/Int32", "{data: many}", "Failed to populate field"),
     ],
 )
-def test_pub_refuses_what_is_no_message(environment, kind, values, message):
-    pub = ros2(environment, "topic", "pub", "-1", "/words", kind, values)
+def test_pub_refuses_what_is_no_message(ros2_here, environment, kind, values, message):
+    pub = ros2_here("topic", "pub", "-1", "/words", kind, values, environment=environment)
     assert pub.returncode == 1
     assert message in pub.stderr
     assert "Traceback" not in pub.stderr
@@ -204,14 +204,14 @@ def test_pub_refuses_what_is_no_message(environment, kind, values, message):
 # --- services
 
 
-def test_service_call(environment, background):
+def test_service_call(ros2_here, environment, background):
     server = background(sys.executable, "-c", SERVER)
     server.read_until("ready")
     call = ros2(environment, "service", "call", "/switch", "std_srvs/srv/SetBool", "{data: true}")
     assert call.returncode == 0, call.stderr
     assert "requester: making request: std_srvs.srv.SetBool_Request(data=True)" in call.stdout
     assert "response:\nstd_srvs.srv.SetBool_Response(success=True, message='on')" in call.stdout
-    wrong = ros2(environment, "service", "call", "/switch", "std_srvs/srv/Nope")
+    wrong = ros2_here("service", "call", "/switch", "std_srvs/srv/Nope", environment=environment)
     assert (wrong.returncode, wrong.stderr.strip()) == (1, "The passed service type is invalid")
 
 
@@ -232,12 +232,12 @@ def test_run_passes_arguments_and_exit_status(environment):
     assert failed.stdout.strip().endswith("Process exited with failure 3")
 
 
-def test_run_of_what_is_not_there(environment):
-    package = ros2(environment, "run", "no_such_package", "say")
+def test_run_of_what_is_not_there(ros2_here, environment):
+    package = ros2_here("run", "no_such_package", "say", environment=environment)
     assert (package.returncode, package.stderr.strip()) == (1, "Package 'no_such_package' not found")
-    executable = ros2(environment, "run", "cli_test", "no_such_executable")
+    executable = ros2_here("run", "cli_test", "no_such_executable", environment=environment)
     assert (executable.returncode, executable.stderr.strip()) == (1, "No executable found")
-    assert ros2(environment, "run", "cli_test").returncode == 2
+    assert ros2_here("run", "cli_test", environment=environment).returncode == 2
 
 
 def test_run_forwards_signals(background):
@@ -272,10 +272,10 @@ def test_launch_substitutes_and_reports(environment):
     assert re.search(r"\[ERROR\] \[fail-2\]: process has died \[pid \d+, exit code 3, cmd '.*fail.*'\]\.", output)
 
 
-def test_launch_includes_and_shows_arguments(environment):
+def test_launch_includes_and_shows_arguments(ros2_here, environment):
     included = ros2(environment, "launch", "cli_test", "outer.launch.yaml")
     assert "args: outer-nobody" in included.stdout
-    shown = ros2(environment, "launch", "cli_test", "say.launch.yaml", "--show-args")
+    shown = ros2_here("launch", "cli_test", "say.launch.yaml", "--show-args", environment=environment)
     assert shown.returncode == 0
     assert "'word':\n        what is said\n        (default: 'hello')" in shown.stdout
 
@@ -309,15 +309,15 @@ def test_launch_ends_its_processes(background, number):
         (["cli_test", "needs.launch.yaml"], "thing"),
     ],
 )
-def test_launch_refuses_in_one_line(environment, arguments, message):
-    run = ros2(environment, "launch", *arguments)
+def test_launch_refuses_in_one_line(ros2_here, environment, arguments, message):
+    run = ros2_here("launch", *arguments, environment=environment)
     assert run.returncode == 1
     assert message in run.stdout + run.stderr
     assert "Traceback" not in run.stdout + run.stderr
 
 
 @pytest.mark.parametrize("name", ["sim.launch.yaml", "policy.launch.yaml", "real.launch.yaml", "teach.launch.yaml"])
-def test_shipped_launch_files_are_understood(environment, name):
-    shown = ros2(environment, "launch", "cliport_bringup", name, "--show-args")
+def test_shipped_launch_files_are_understood(ros2_here, environment, name):
+    shown = ros2_here("launch", "cliport_bringup", name, "--show-args", environment=environment)
     assert shown.returncode == 0, shown.stderr
     assert "'checkpoint':" in shown.stdout

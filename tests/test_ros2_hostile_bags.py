@@ -14,10 +14,10 @@ from ros2_bags import ROS2, TIMEOUT, storage_file, write_bag
 from std_msgs.msg import String
 
 PEAK = f"""
-import resource, subprocess, sys
-done = subprocess.run([{ROS2!r}, "bag", *sys.argv[1:]], stdin=subprocess.DEVNULL)
+import os, resource, sys
+_, status = os.waitpid(os.posix_spawn({ROS2!r}, [{ROS2!r}, "bag", *sys.argv[1:]], os.environ), 0)
 print("peak", resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss, file=sys.stderr)
-sys.exit(done.returncode)
+sys.exit(os.waitstatus_to_exitcode(status))
 """
 # A read of a good bag stays below 60 MiB.
 MOST = 150 * 1024  # KiB
@@ -26,7 +26,11 @@ MOST = 150 * 1024  # KiB
 def inspect(*arguments: str | Path) -> tuple[int, str]:
     """Run `ros2 bag` and return its exit status and what it said, after a check of the memory that it took."""
     done = subprocess.run(
-        [sys.executable, "-c", PEAK, *map(str, arguments)], capture_output=True, text=True, timeout=TIMEOUT
+        [sys.executable, "-S", "-c", PEAK, *map(str, arguments)],  # -S: it needs no site's packages
+        capture_output=True,
+        text=True,
+        timeout=TIMEOUT,
+        stdin=subprocess.DEVNULL,
     )
     *said, peak = done.stderr.splitlines()
     assert int(peak.split()[1]) < MOST, (peak, said)

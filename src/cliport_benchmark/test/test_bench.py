@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from cliport_benchmark import bench, bench_page
-from cliport_benchmark.bench_planning import OTHERS, clutter_queries, search_times
+from cliport_benchmark.bench_planning import OTHERS, Query, clutter_queries, search_times
 from cliport_benchmark.errors import BenchmarkError
 from cliport_benchmark.provenance import machine_line
 from panda_executor.config import SearchAlgorithm
@@ -76,22 +76,27 @@ def test_a_defect_in_a_group_does_not_cost_the_rows_before(tmp_path: Path, monke
     assert [row["name"] for row in said["rows"]] == ["half"] and "instructions" in said["machine"]
 
 
-def test_searches_begin_and_end_on_either_side_over_the_table() -> None:
-    ((_, start, goal),) = clutter_queries(1)
+@pytest.fixture(scope="module")
+def queries() -> list[Query]:
+    return clutter_queries(1)
+
+
+def test_searches_begin_and_end_on_either_side_over_the_table(queries: list[Query]) -> None:
+    ((_, start, goal),) = queries
     right, left = (PandaModel().tcp_arrays(joints)[1] for joints in (start, goal))
     assert -0.35 <= right[1] <= -0.25 and 0.25 <= left[1] <= 0.35
     assert all(0.4 <= point[0] <= 0.6 and 0.1 <= point[2] <= 0.18 for point in (right, left))
 
 
 @pytest.mark.parametrize("algorithm", list(SearchAlgorithm))
-def test_searches_in_clutter_find_ways(algorithm: SearchAlgorithm) -> None:
-    times, successes = search_times(algorithm, clutter_queries(1))
+def test_searches_in_clutter_find_ways(queries: list[Query], algorithm: SearchAlgorithm) -> None:
+    times, successes = search_times(algorithm, queries)
     assert len(times) == 1 and successes == 1
 
 
 @pytest.mark.parametrize("name", list(OTHERS))
-def test_other_planners_are_asked_the_same(name: str) -> None:
-    times, _ = search_times(SearchAlgorithm.RRT_CONNECT, clutter_queries(1), OTHERS[name])
+def test_other_planners_are_asked_the_same(queries: list[Query], name: str) -> None:
+    times, _ = search_times(SearchAlgorithm.RRT_CONNECT, queries, OTHERS[name])
     assert len(times) == 1 and 0.0 < times[0] < 1e5
 
 

@@ -34,14 +34,15 @@ def observer(shared_world: SimWorld) -> Observer:
 
 
 @pytest.fixture
-def act(shared_world: SimWorld, observer: Observer) -> Callable[..., object]:
+def act(shared_world: SimWorld, observer: Observer, with_arm: bool) -> Callable[..., object]:
     """Carries an action out, with the arm or without."""
-    arm = ArmHand(shared_world, observer)
-    arm.new_scene(Primitive.PICK_PLACE)
-    hands = {True: arm, False: KinematicHand(shared_world, np.random.default_rng(0))}
+    hand: ArmHand | KinematicHand = KinematicHand(shared_world, np.random.default_rng(0))
+    if with_arm:
+        hand = ArmHand(shared_world, observer)
+        hand.new_scene(Primitive.PICK_PLACE)
 
-    def act(with_arm: bool, pick: PlanarPose, place: PlanarPose, primitive: Primitive) -> object:
-        return hands[with_arm].execute(PickPlaceAction(pick, place, primitive), observer.frame(shared_world))
+    def act(pick: PlanarPose, place: PlanarPose, primitive: Primitive) -> object:
+        return hand.execute(PickPlaceAction(pick, place, primitive), observer.frame(shared_world))
 
     return act
 
@@ -61,7 +62,7 @@ def test_a_sweep_pushes_what_is_before_the_hand_and_nothing_else(
     height = PILE_BLOCK_SIZE / 2
     blocks = [world.add(pile_block_shape(), PlanarPose(x, y, 0.3).as_pose(height), "red") for x, y in ROW]
     beside = world.add(pile_block_shape(), PlanarPose(0.49, 0.0, 0.0).as_pose(height), "blue")
-    result = act(with_arm, PlanarPose(0.45, -0.1, 0.0), PlanarPose(0.45, 0.08, 0.0), Primitive.SWEEP)
+    result = act(PlanarPose(0.45, -0.1, 0.0), PlanarPose(0.45, 0.08, 0.0), Primitive.SWEEP)
     assert not with_arm or result.outcome is Outcome.SUCCEEDED  # type: ignore[attr-defined]
     after = places(world, blocks)
     assert (after[:, 1] > 0.08).all() and (after[:, 1] < 0.125).all()
@@ -81,7 +82,7 @@ def test_a_fold_takes_a_bead_to_its_place_and_the_rope_follows(
     beads = list(task.beads)
     before = places(world, beads)
     moved = int(np.argmin(np.linalg.norm(before[:, :2] - (action.pick.x, action.pick.y), axis=1)))
-    result = act(with_arm, action.pick, action.place, action.primitive)
+    result = act(action.pick, action.place, action.primitive)
     assert not with_arm or result.outcome is Outcome.SUCCEEDED  # type: ignore[attr-defined]
     after = places(world, beads)
     assert np.linalg.norm(after[moved, :2] - (action.place.x, action.place.y)) < 0.012

@@ -98,7 +98,7 @@ def test_an_experiment_scores_in_the_same_setup(files: list[str]) -> None:
 def test_scenes_are_made_for_the_workspace_and_seen_by_the_camera(files: list[str]) -> None:
     setup = OwnSetup.load(Path(files[1]), Path(files[3]))
     config = EvaluateConfig("expert", TASK, "test", 0, 1, setup=setup, variation=Variation.parse("clutter"))
-    evaluator = Evaluator(config)
+    evaluator = Evaluator(replace(config, without_arm=True))
     assert evaluator.observer.observe(evaluator.world).valid.mean() > 0.99
     task = reset_scene(evaluator.world, TASK, "test", 0)
     for thing in task.objects:
@@ -128,7 +128,7 @@ def test_the_kind_of_camera_is_what_the_agent_sees_and_is_told(
     depths = {}
     for kind in (SensorKind.PERFECT, SensorKind.PLAIN, SensorKind.STEREO):
         setup = OwnSetup(camera_kind=kind)
-        evaluator = Evaluator(EvaluateConfig("expert", TASK, "test", 0, 1, setup=setup))
+        evaluator = Evaluator(EvaluateConfig("expert", TASK, "test", 0, 1, without_arm=True, setup=setup))
         task = reset_scene(evaluator.world, TASK, "test", 0)
         evaluator.observer.new_scene(scene_rng(task.name, task.split, 0, 4))
         depths[kind.value] = evaluator.observer.frame(evaluator.world).depth

@@ -19,7 +19,9 @@ from cliport_core import PickPlaceAction, PlanarPose
 from cliport_policy.data.named_things import named_things
 from cliport_policy.inference import Inference
 from sim_bridge.errors import PhysicsError
+from sim_bridge.scene import reset_scene
 from sim_bridge.tasks import Task, make_task
+from sim_bridge.world import SimWorld
 
 HANOI, BOWLS = "towers-of-hanoi-seq-seen-colors", "put-blocks-in-bowls-seen-colors"
 NOTHING = PickPlaceAction(PlanarPose(0.27, -0.49, 0.0), PlanarPose(0.27, -0.49, 0.0))
@@ -125,13 +127,16 @@ def test_a_sentence_of_another_form_is_no_held_out_wording_and_names_the_paints(
     examine: Callable[..., list[Question]], shown: list[Task]
 ) -> None:
     boxes = "packing-box-pairs-seen-colors"
+    world = SimWorld()
     for seed in range(30):
-        shown.clear()
-        painted = examine(lambda _: inference(), boxes, seed=seed, survey_colors=True)
-        own, names = shown[0].goals[0].sentence, draw_colors(make_task(boxes, "val"), seed)
+        task = reset_scene(world, boxes, "val", seed)
+        own, names = task.goals[0].sentence, draw_colors(task, seed)
         colors = [word for word in own.split()[:4] if word in names]  # brown, as the box is, keeps its name
         if colors and " and " not in own:
             break
+    world.close()
+    painted = examine(lambda _: inference(), boxes, seed=seed, survey_colors=True)
+    assert shown[0].goals[0].sentence == own
     assert Asked.WORDING.value not in {question.asked for question in painted}
     assert painted[0].sentence == own.replace(colors[0], names[colors[0]])
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import cache
 from importlib.util import find_spec
 from typing import NamedTuple
 
@@ -136,13 +137,19 @@ class BoardInHand(NamedTuple):
         rng = np.random.default_rng(seed)
         told: list[Pose] = []
         found = []
-        poses = in_view(candidate_poses(self.start), self.placement, self.board, self.camera)
+        poses = poses_in_view(self)
         for _ in range(count):
             told.append(next_pose(poses, told, rng))
             true = Pose(told[-1].rotation, told[-1].translation + rng.normal(0.0, arm_m, 3))
             sample = self.sample(rng, true, noise_px, scale)
             found.append(Sample(told[-1], sample.view, len(found)))
         return found
+
+
+@cache
+def poses_in_view(world: BoardInHand) -> list[Pose]:
+    """All that may be proposed in a set-up: the same in each test that samples it."""
+    return in_view(candidate_poses(world.start), world.placement, world.board, world.camera)
 
 
 @pytest.fixture(scope="session")

@@ -301,7 +301,7 @@ def write_episode(
     return records
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def make_episode() -> Callable[..., list[StepRecord]]:
     """write_episode."""
     return write_episode

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from collections.abc import Callable
 from dataclasses import astuple, replace
 from pathlib import Path
@@ -23,19 +24,27 @@ from cliport_policy.lerobot import main
 MakeEpisode = Callable[..., object]
 
 
-@pytest.fixture
-def recorded(make_episode: MakeEpisode, tmp_path: Path) -> Path:
-    """Two episodes, one of them relabelled, without a judgement."""
-    make_episode(tmp_path / "set", "first", seed=1)
-    make_episode(tmp_path / "set", "second", success=None, seed=2, outcomes=(0, 3, 0), primitive=Primitive.SWEEP)
-    DataSet.open(tmp_path / "set").relabel("second", "sweep the crumbs away", 1)
-    return tmp_path / "set"
+@pytest.fixture(scope="module")
+def recorded(make_episode: MakeEpisode, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two episodes, one of them relabelled, without a judgement; only read."""
+    folder = tmp_path_factory.mktemp("recorded") / "set"
+    make_episode(folder, "first", seed=1)
+    make_episode(folder, "second", success=None, seed=2, outcomes=(0, 3, 0), primitive=Primitive.SWEEP)
+    DataSet.open(folder).relabel("second", "sweep the crumbs away", 1)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def export(recorded: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What is written of the episodes; only copied."""
+    folder = tmp_path_factory.mktemp("export") / "lerobot"
+    assert main(["--from-bags", str(recorded), "--out", str(folder)]) == 0
+    return folder
 
 
 @pytest.fixture
-def written(recorded: Path, tmp_path: Path) -> Path:
-    assert main(["--from-bags", str(recorded), "--out", str(tmp_path / "lerobot")]) == 0
-    return tmp_path / "lerobot"
+def written(export: Path, tmp_path: Path) -> Path:
+    return shutil.copytree(export, tmp_path / "lerobot")
 
 
 def test_pictures_sentences_and_actions_come_back_equal(recorded: Path, written: Path, tmp_path: Path) -> None:

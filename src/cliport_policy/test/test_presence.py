@@ -159,7 +159,8 @@ def _without_things(batch: SceneBatch) -> SceneBatch:
     return batch._replace(asked=nothing, present=nothing, marks=batch.marks[:0])
 
 
-def test_a_presence_network_reads_a_sentence_and_asks_for_what_it_names() -> None:
+def test_a_presence_network_reads_a_sentence_and_asks_for_what_it_names(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("cliport_policy.presence.fit._SENTENCE_BATCH", 16)
     torch.manual_seed(0)
     known = KNOWN
     net = SentenceNet(len(known.kinds))

@@ -139,7 +139,7 @@ def test_a_goal_image_is_not_falsified(make_flat_set: Callable[..., Path], tmp_p
 
 def test_it_learns(make_flat_set: Callable[..., Path], tmp_path: Path) -> None:
     data = make_flat_set(tmp_path / "data", 6, pixel_size=SMALL)
-    config = replace(CONFIG, steps=40, batch_size=8, learning_rate=5e-3, ema_decay=0.5)
+    config = replace(CONFIG, steps=40, batch_size=4, learning_rate=5e-3, ema_decay=0.5)
     seen: list[Progress] = []
     _trainer(data, tmp_path / "run", config, replace(TINY, crop_pixels=16)).run(seen.append)
     first, last = (sum(sum(p.losses.values()) for p in part) for part in (seen[:8], seen[-8:]))

@@ -178,15 +178,23 @@ def test_a_token_from_a_file_is_asked_for_on_loopback_too_and_is_in_no_list_of_p
         (["--tls-cert", "{file}"], "--tls-cert and --tls-key belong together"),
         (["--tls-key", "{file}"], "--tls-cert and --tls-key belong together"),
         (["--tls-cert", "{file}", "--tls-key", "{file}"], "PEM"),
-        (["--port", "0", "--ros-args", "-p", "workspace:=/nowhere/workspace.yaml"], "/nowhere/workspace.yaml"),
     ],
 )
-def test_bad_settings_end_in_one_line(tmp_path: Path, taken_port: int, arguments: list[str], words: str) -> None:
+def test_bad_settings_end_in_one_line(
+    tmp_path: Path, taken_port: int, arguments: list[str], words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     file = tmp_path / "a-file"
     file.touch()
     given = [argument.format(port=taken_port, file=file) for argument in arguments]
-    process = start("--data-sets", str(tmp_path), *given)
-    _, errors = process.communicate(timeout=30)
-    assert process.returncode == 1
+    assert app.main(["--data-sets", str(tmp_path), *given]) == 1
+    said, errors = capsys.readouterr()
+    assert not said
     assert len(errors.splitlines()) == 1 and errors.startswith("error: "), errors
     assert words.format(port=taken_port) in errors
+
+
+def test_a_bad_parameter_ends_in_one_line(tmp_path: Path) -> None:
+    process = start("--data-sets", str(tmp_path), "--port", "0", "--ros-args", "-p", "workspace:=/nowhere/file.yaml")
+    _, errors = process.communicate(timeout=30)
+    assert process.returncode == 1
+    assert len(errors.splitlines()) == 1 and errors.startswith("error: ") and "/nowhere/file.yaml" in errors, errors

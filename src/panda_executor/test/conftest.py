@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from importlib.util import find_spec
 
 import numpy as np
 import numpy.typing as npt
 import pytest
+from planned_once import PlannedOnce
 from synthetic_clouds import CAMERA
 from walls import scene_with_wall
 
@@ -35,13 +37,24 @@ collect_ignore = (
 )
 
 
-@pytest.fixture(scope="session")
-def planner() -> TransferPlanner:
+def make_planner(kind: Callable[[PandaModel, ExecutorConfig], TransferPlanner]) -> TransferPlanner:
     """A planner whose searches end by their number of checks, not by the clock: the same on a busy machine."""
     config = ExecutorConfig(search=SearchConfig(time_limit=60.0), planning_time=60.0, after_failure=AfterFailure.STAY)
-    planner = TransferPlanner(PandaModel(), config)
+    planner = kind(PandaModel(), config)
     planner.place_cameras(CAMERA)
     return planner
+
+
+@pytest.fixture(scope="session")
+def planner() -> TransferPlanner:
+    """One that plans whatever it is asked for."""
+    return make_planner(TransferPlanner)
+
+
+@pytest.fixture(scope="session")
+def planned_once() -> TransferPlanner:
+    """One that remembers its plans, for what is not about planning."""
+    return make_planner(PlannedOnce)
 
 
 @pytest.fixture(scope="session")

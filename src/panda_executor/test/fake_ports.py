@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from copy import deepcopy
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -37,6 +38,7 @@ class FakeArm:
     def execute(self, trajectory: JointTrajectory, should_stop: ShouldStop) -> MotionResult:
         """Jump from point to point."""
         number = len(self.sent)
+        trajectory = deepcopy(trajectory)  # a test may push the arm off it, and the plan stays as it is
         self.sent.append(trajectory)
         for i, positions in enumerate(trajectory.positions):
             share = i / (len(trajectory.positions) - 1)

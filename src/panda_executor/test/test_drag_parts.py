@@ -13,7 +13,6 @@ from cliport_core.action import PickPlaceAction, Primitive
 from cliport_core.pose import PlanarPose, Pose
 from cliport_core.workspace import WorkspaceSpec
 from panda_executor import drag
-from panda_executor.config import ExecutorConfig
 from panda_executor.drag import DragPlan, plan_drag, renewed_drag
 from panda_executor.errors import PlanningError, TrajectoryError
 from panda_executor.motions import Motion
@@ -42,8 +41,8 @@ def fastest(planner: TransferPlanner, motion: Motion) -> float:
 @pytest.fixture(scope="module")
 def slow(planner: TransferPlanner) -> TransferPlanner:
     """Return a planner that drags much slower than it does anything else."""
-    config = ExecutorConfig()
-    return TransferPlanner(planner.model, replace(config, drag=replace(config.drag, speed=0.05)))
+    config = replace(planner.config, drag=replace(planner.config.drag, speed=0.05))
+    return TransferPlanner(planner.model, config)
 
 
 @pytest.fixture(scope="module")

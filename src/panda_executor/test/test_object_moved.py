@@ -23,6 +23,11 @@ PICK, PLACE = PlanarPose(0.45, 0.1, 0.3), PlanarPose(0.5, -0.2, 0.3)
 SMALL, WIDE = 0.04, 0.07  # edges of blocks [m]; the hand opens to 8 cm
 
 
+@pytest.fixture(scope="session")
+def planner(planned_once: TransferPlanner) -> TransferPlanner:
+    return planned_once
+
+
 def cloud_with_cube_at(shift: float, seed: int = 0, edge: float = SMALL) -> np.ndarray:
     """A block of so long an edge, 4 cm high, shifted along y by so much [m], the bowl where it is."""
     block = Cube(0.45, 0.1 + shift, 0.3, (edge, edge, 0.04))

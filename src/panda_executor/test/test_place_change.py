@@ -19,6 +19,11 @@ PICKED = cube_points(Cube(0.45, 0.1, 0.3))
 PLINTH = (0.08, 0.08, 0.05)
 
 
+@pytest.fixture(scope="session")
+def planner(planned_once: TransferPlanner) -> TransferPlanner:
+    return planned_once
+
+
 def carried(
     planner: TransferPlanner, before: np.ndarray, later: np.ndarray
 ) -> tuple[ActionResult, FakeArm, FakeGripper]:

@@ -30,6 +30,11 @@ READY = load_preset().ready
 GOAL = ActionGoal(PickPlaceAction(PlanarPose(0.45, 0.1, 0.3), PlanarPose(0.5, -0.2, 0.3)))
 
 
+@pytest.fixture(scope="session")
+def planner(planned_once: TransferPlanner) -> TransferPlanner:
+    return planned_once
+
+
 class Bench:
     """A runner that goes back after failures as `rule` says."""
 

@@ -20,6 +20,11 @@ SWEEP = PickPlaceAction(PlanarPose(0.35, 0.0, 0.0), PlanarPose(0.35, 0.2, 0.0), 
 FOLD = PickPlaceAction(PlanarPose(0.35, 0.0, 0.0), PlanarPose(0.35, 0.2, 0.0), Primitive.FOLD)
 
 
+@pytest.fixture(scope="session")
+def planner(planned_once: TransferPlanner) -> TransferPlanner:
+    return planned_once
+
+
 def scene(shift: float = 0.0, wall: Cube | None = None) -> np.ndarray:
     """The cube, shifted along y by so much [m], a bowl and perhaps something that was put on the table."""
     things = [cube_points(Cube(0.45, 0.1 + shift, 0.3)), bowl_points(Bowl(0.5, -0.2))]

@@ -19,6 +19,11 @@ from panda_executor.transfer import TransferPlanner
 from panda_model import FloatArray
 
 
+@pytest.fixture(scope="session")
+def planner(planned_once: TransferPlanner) -> TransferPlanner:
+    return planned_once
+
+
 @pytest.fixture
 def bench(planner: TransferPlanner, table_cloud: np.ndarray) -> Bench:
     return runner_bench(planner, table_cloud)

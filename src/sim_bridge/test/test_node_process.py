@@ -20,23 +20,34 @@ def start_node(*arguments):
     return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=ENVIRONMENT)
 
 
-@pytest.mark.parametrize(
-    ("argument", "words"),
-    [
-        ("task:=put-blocks-in-bowls-seen-colours", "put-blocks-in-bowls-seen-colors"),
-        ("camera_rate:=-5.0", "camera_rate"),
-        ("seed:=many", "seed"),
-        ("trajectory_log:=/no/such/folder/log", "trajectory_log"),
-    ],
-)
-def test_bad_parameters_end_in_one_line(argument, words):
-    process = start_node("-p", argument)
+def check_one_line(output, *words):
+    """Check that there is an error for each word, of one line, in that order, and nothing else."""
+    lines = [line for line in output.splitlines() if not line.startswith("pybullet build")]
+    assert len(lines) == len(words), output
+    for line, word in zip(lines, words, strict=True):
+        assert line.startswith("error: ")
+        assert word in line
+
+
+def test_a_bad_parameter_ends_in_one_line():
+    process = start_node("-p", "task:=put-blocks-in-bowls-seen-colours")
     output, _ = process.communicate(timeout=30.0)
-    errors = [line for line in output.splitlines() if not line.startswith("pybullet build")]
     assert process.returncode == 1
-    assert len(errors) == 1, output
-    assert errors[0].startswith("error: ")
-    assert words in errors[0]
+    check_one_line(output, "put-blocks-in-bowls-seen-colors")
+
+
+def test_so_do_others():
+    """One process tries them one after the other: to start one takes seconds."""
+    given = ("camera_rate:=-5.0", "seed:=many", "trajectory_log:=/no/such/folder/log")
+    script = "import sys; from sim_bridge.node import main; " + (
+        "raise SystemExit(sum(2**i * main(['--ros-args', '-p', word]) for i, word in enumerate(sys.argv[1:])))"
+    )
+    command = [sys.executable, "-c", script, *given]
+    run = subprocess.run(
+        command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=ENVIRONMENT, timeout=90.0
+    )
+    check_one_line(run.stdout, "camera_rate", "seed", "trajectory_log")
+    assert run.returncode == 0b111
 
 
 def test_sigterm_ends_it_cleanly():
