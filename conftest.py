@@ -49,9 +49,10 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: object) -> FilesToge
     return FilesTogether(config, log)
 
 
-def _folders_with_tests(path: Path) -> list[Path]:
-    """Return the folders of tests of all packages in a folder; of anything else itself."""
-    return sorted(path.glob("*/test")) or [path]
+def _parts(path: Path) -> list[Path]:
+    """Return the folders in a folder that holds no modules, as that of the packages; of anything else itself."""
+    folders = sorted(inner for inner in path.glob("*") if inner.is_dir())
+    return [path] if any(path.glob("*.py")) else folders or [path]
 
 
 class FailuresAtOnce:
@@ -75,7 +76,7 @@ class FailuresAtOnce:
 def pytest_configure(config: pytest.Config) -> None:
     """Watch the reports of all processes, in the one that prints; let each of the others begin elsewhere."""
     if worker := getattr(config, "workerinput", None):
-        folders = [str(folder) for path in config.args for folder in _folders_with_tests(Path(path))]
+        folders = [str(folder) for path in config.args for folder in _parts(Path(path))]
         first = int(worker["workerid"].removeprefix("gw")) * len(folders) // worker["workercount"]
         config.args[:] = folders[first:] + folders[:first]  # what one compiles the others then find compiled
     reporter = config.pluginmanager.get_plugin("terminalreporter")

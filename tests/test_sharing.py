@@ -55,11 +55,17 @@ def test_each_failure_is_named_before_the_summary(tmp_path: Path) -> None:
 def test_the_last_of_three_processes_has_what_mostly_waits(tmp_path: Path) -> None:
     shutil.copy(CONFTEST, tmp_path)
     waiting = {"tests/test_ros2_a.py", "src/one/test/test_node.py", "src/two/test/test_ros_b.py"}
-    others = {"tests/test_c.py", "tests/test_d.py", "src/one/test/test_node_e.py", "src/two/test/test_f.py"}
+    others = {
+        "tests/test_c.py",
+        "tests/test_d.py",
+        "src/one/test/test_node_e.py",
+        "src/two/test/test_f.py",
+        "src/test_three/test_g.py",
+    }
     for path in (tmp_path / name for name in waiting | others):
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(SHARED)
-    command = [*PYTEST, "-n", "3", "--no-loadscope-reorder", "--import-mode", "importlib"]
+    command = [*PYTEST, "-n", "3", "--no-loadscope-reorder", "--import-mode", "importlib", "src", "tests"]
     where = tmp_path / "where"
     subprocess.run(command, cwd=tmp_path, env={**os.environ, "WHERE": str(where)}, check=True, timeout=120)
     ran = [line.split() for line in where.read_text().splitlines()]

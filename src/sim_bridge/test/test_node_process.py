@@ -36,7 +36,7 @@ def test_a_bad_parameter_ends_in_one_line():
     check_one_line(output, "put-blocks-in-bowls-seen-colors")
 
 
-def test_so_do_others():
+def test_each_of_several_bad_parameters_is_one_line():
     """One process tries them one after the other: to start one takes seconds."""
     given = ("camera_rate:=-5.0", "seed:=many", "trajectory_log:=/no/such/folder/log")
     script = "import sys; from sim_bridge.node import main; " + (
