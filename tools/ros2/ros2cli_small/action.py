@@ -7,6 +7,7 @@ import signal
 import time
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
+from uuid import uuid4
 
 from ros2cli_small.discovery import wait_for_graph
 from ros2cli_small.errors import CommandError
@@ -18,9 +19,11 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from rclpy.node import Node
+    from unique_identifier_msgs.msg import UUID
 
 CANCEL_TIME = 30.0  # s, at most, for the server to answer that it cancels
 POLL_PERIOD = 0.05  # s
+FEEDBACK_TIME = 0.3  # s, for the server to hear of a subscription, and for feedback that a result overtook
 _WHOLE = Shortening(length=None)
 # In the order of action_msgs/msg/GoalStatus.
 _STATUSES = ("UNKNOWN", "ACCEPTED", "EXECUTING", "CANCELING", "SUCCEEDED", "CANCELED", "ABORTED")
@@ -99,20 +102,42 @@ def send_goal(args: argparse.Namespace) -> int:
     values = parse_values(args.goal)
     with command_node() as node:
         fill_message(goal, values, lambda: node.get_clock().now().to_msg())
-        client = ActionClient(node, action_class, full_name(node, args.action_name))
+        name = full_name(node, args.action_name)
+        client = ActionClient(node, action_class, name)
         try:
-            return _follow(node, client, goal, args.feedback)
+            goal_id = _feedback_of_a_goal(node, action_class, name) if args.feedback else None
+            return _follow(node, client, goal, goal_id)
         finally:
             client.destroy()
 
 
-def _follow(node: Node, client: Any, goal: Any, with_feedback: bool) -> int:
+def _feedback_of_a_goal(node: Node, action_class: Any, action: str) -> UUID:
+    """Return the ID of a goal whose feedback is printed from now on.
+
+    rclpy's own callback ends with the goal's result, which can overtake the last feedback.
+    """
+    from unique_identifier_msgs.msg import UUID
+
+    goal_id = UUID(uuid=list(uuid4().bytes))
+
+    def show(message: Any) -> None:
+        if message.goal_id == goal_id:
+            print(f"Feedback:\n    {to_yaml(message.feedback, _WHOLE)}", flush=True)
+
+    node.create_subscription(action_class.Impl.FeedbackMessage, f"{action}/_action/feedback", show, 10)
+    return goal_id
+
+
+def _follow(node: Node, client: Any, goal: Any, goal_id: UUID | None) -> int:
+    """Send a goal and print how it ends. goal_id: where feedback of it is printed, too."""
     print("Waiting for an action server to become available...", flush=True)
     while not client.server_is_ready():
         time.sleep(POLL_PERIOD)
+    if goal_id is not None:
+        time.sleep(FEEDBACK_TIME)
     print(f"Sending goal:\n     {to_yaml(goal, _WHOLE)}", flush=True)
     with _first_interrupt_noted() as interrupted:
-        sent = client.send_goal_async(goal, _show_feedback if with_feedback else None)
+        sent = client.send_goal_async(goal, goal_uuid=goal_id)
         spin_until(node, sent.done)
         handle = _result_of(sent)
         if not handle.accepted:
@@ -124,6 +149,8 @@ def _follow(node: Node, client: Any, goal: Any, with_feedback: bool) -> int:
         if not finished.done():
             _cancel(node, handle)
             return int(signal.SIGINT)
+    if goal_id is not None:
+        spin_until(node, lambda: False, FEEDBACK_TIME)
     result = _result_of(finished)
     print(f"Result:\n    {to_yaml(result.result, _WHOLE)}")
     print(f"Goal finished with status: {_STATUSES[result.status]}")
@@ -147,10 +174,6 @@ def _first_interrupt_noted() -> Iterator[list[int]]:
         yield seen
     finally:
         signal.signal(signal.SIGINT, before)
-
-
-def _show_feedback(message: Any) -> None:
-    print(f"Feedback:\n    {to_yaml(message.feedback, _WHOLE)}", flush=True)
 
 
 def _result_of(future: Any) -> Any:
