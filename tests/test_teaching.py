@@ -11,6 +11,7 @@ import page_person as teaching
 from browser_user import CHROMIUM
 from playwright.sync_api import expect
 from ros_domain import next_domain
+from sim_settings import with_slower_rates
 
 from cliport_core.action import Primitive
 from cliport_episodes.data_set import DataSet
@@ -30,7 +31,8 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Iterator[teaching.Workpla
 @pytest.fixture
 def own_place(tmp_path: Path) -> Iterator[teaching.Workplace]:
     """A graph for one try: who is killed while he reads may leave a mutex of Fast DDS locked that others need."""
-    with teaching.workplace(tmp_path, next_domain(), speed=1.0) as made:
+    params = str(with_slower_rates(tmp_path, 2.0))
+    with teaching.workplace(tmp_path, next_domain(), speed=2.0, params=params) as made:
         yield made
 
 
