@@ -12,7 +12,9 @@ CONTEXT_HEADS = 4  # of the attention among cells
 COLOR_WORDS = ("none", "strict", "open")
 COLOR_READING = ("tokens", "names")
 # what a trained network may change on its way
-REREAD = frozenset({"color_reading", "compares_colors", "gray_share", "reads_sides", "reads_shapes", "fits_prints"})
+REREAD = frozenset(
+    {"color_reading", "compares_colors", "gray_share", "reads_sides", "reads_shapes", "reads_kinds", "fits_prints"}
+)
 
 
 @dataclass(frozen=True)
@@ -40,6 +42,8 @@ class JointConfig:
     reads_shapes: True leads picks to things that have the outline of a letter, a digit or a figure which the sentence
     names, where a presence network tells what is to be picked; in the arm `open` alone, for what they mean is told
     from outside. It changes nothing in training.
+    reads_kinds: True leads picks to things of the kind that the sentence names without a colour, where a presence
+    network knows it, and hears from it what lies in its box already. It changes nothing in training.
     fits_prints: True looks, where the likeliest places are flat, for a patch of one colour that has the outline of what
     is picked, and has it put down there, turned as the patch lies, instead of asking the aligner; by a rule. It changes
     nothing in training.
@@ -65,6 +69,7 @@ class JointConfig:
     chooses_primitive: bool = True
     reads_sides: bool = False
     reads_shapes: bool = False
+    reads_kinds: bool = False
     fits_prints: bool = False
     aligner: bool = False
 

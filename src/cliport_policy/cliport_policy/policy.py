@@ -24,6 +24,7 @@ from cliport_policy.errors import CheckpointError, InstructionError, Observation
 from cliport_policy.folded_norms import fold_norms
 from cliport_policy.inference import AffordanceMaps, Explanation, Inference
 from cliport_policy.language import ENCODER_NAME, TextEncoder, TokenEmbeddings, shared_encoder
+from cliport_policy.leading import Leads, led_picks
 from cliport_policy.memory import release_unused
 from cliport_policy.named_colors import with_colors_alike
 from cliport_policy.networks.factory import compile_network, restore_network
@@ -35,7 +36,6 @@ from cliport_policy.peaks import CellGrid, Peak, best_rotation, mass_of
 from cliport_policy.places import Places
 from cliport_policy.presence.presence import Missing, Presence
 from cliport_policy.presence.stored import load_presence
-from cliport_policy.shapes.reader import Outlined, led_picks
 from cliport_policy.sides import Side, own_side_named, side_named
 from cliport_policy.turns import likeliest_turn
 
@@ -48,7 +48,8 @@ class Scores(NamedTuple):
     picks: (h * w,); nulls: (1 or 2,), of "done" and, where the network tells it apart, of "not here".
     yaws: (k,) or None; places: (k, h, w) for a pick at pick.pixel, an aligner's part with them.
     primitives: (number of primitives,), None where none is chosen.
-    missing: what a presence network finds least of what is named; None without one.
+    missing: what a presence network finds least of what is named; None without one. placed: log odds, by what it finds,
+    to be added to those of "done".
     """
 
     picks: Tensor
@@ -58,6 +59,7 @@ class Scores(NamedTuple):
     pick: Peak
     primitives: Tensor | None = None
     missing: Missing | None = None
+    placed: float = 0.0
 
 
 class Policy:
@@ -148,29 +150,29 @@ class Policy:
     def _score(self, observation: Heightmap, instruction: str, goal: Heightmap | None) -> Scores:
         image = self._tensor(observation)
         look = self._presence.look(image, instruction) if self._presence else None
-        scores = self._score_image(image, instruction, self._goal_tensor(goal), look.outlined if look else None)
-        return scores._replace(missing=look.missing if look else None)
+        scores = self._score_image(image, instruction, self._goal_tensor(goal), look.leads if look else None)
+        return scores._replace(missing=look.missing, placed=look.placed) if look else scores
 
     @torch.inference_mode()
-    def _score_image(self, image: Tensor, instruction: str, goal: Tensor | None, outlined: Outlined | None) -> Scores:
+    def _score_image(self, image: Tensor, instruction: str, goal: Tensor | None, leads: Leads | None) -> Scores:
         network = self._network
         aim = network.encode_goal([instruction.strip()], goal)
         reads_sides = getattr(self.card.network, "reads_sides", False)
         side = side_named(instruction) if reads_sides else None
         with torch.autocast("cpu", torch.bfloat16, enabled=network.acts_in_bfloat16):
-            scores = self._score_goal(image, aim, side, outlined)
+            scores = self._score_goal(image, aim, side, leads)
         own = own_side_named(instruction) if reads_sides else None
         if own is None:
             return scores
-        front, back = (self._score_image(image, words, goal, outlined).places for words in (own.front, own.back))
+        front, back = (self._score_image(image, words, goal, leads).places for words in (own.front, own.back))
         return scores._replace(places=self._places.at_own_side(own.side, front, back, scores.places))
 
-    def _score_goal(self, image: Tensor, goal: Goal, side: Side | None, outlined: Outlined | None) -> Scores:
+    def _score_goal(self, image: Tensor, goal: Goal, side: Side | None, leads: Leads | None) -> Scores:
         network = self._network
         aim = network.look(image, goal)
         scores = network.score_picks(image, aim)[0].float()
         picks, nulls = scores[: -network.n_null], scores[-network.n_null :]
-        picks = led_picks(picks.reshape(self.grid.shape), outlined).flatten()
+        picks = led_picks(picks.reshape(self.grid.shape), leads).flatten()
         pick = self.grid.peak(mass_of(picks).reshape(self.grid.shape))
         pixel = torch.tensor([pick.pixel], dtype=torch.float32)
         yaws, places = network.score_rotations(image, aim, pixel)
@@ -207,7 +209,7 @@ class Policy:
         primitive = self._primitive(scores.primitives)
         nulls = mass_of(torch.cat((scores.picks, scores.nulls)))[len(scores.picks) :]
         pick_confidence, place_confidence = pick.confidence(pick_mass), place.confidence(place_mass.sum(0))
-        done = shifted(float(nulls[0]), self.card.done_bias.get(primitive.label, 0.0))
+        done = shifted(float(nulls[0]), self.card.done_bias.get(primitive.label, 0.0) + scores.placed)
         absent, missing = absence(float(nulls[1]) if len(nulls) > 1 else 0.0, scores.missing, done)
         action = PickPlaceAction(
             pick=self._pose_at(pick.pixel, pick_yaw),

@@ -21,7 +21,7 @@ def test_settings_that_nobody_gave() -> None:
         "widths": (16, 48, 96, 128), "decoder_width": 16, "token_dim": 384, "goal_dim": 128, "context_layers": 2,
         "transport_channels": 8, "query_cells": 31, "gate": True, "crop_pixels": 64, "n_rotations": 36,
         "color_words": "open", "color_reading": "tokens", "compares_colors": False, "gray_share": 0.4,
-        "null_actions": 2, "chooses_primitive": True, "reads_sides": False, "reads_shapes": False,
+        "null_actions": 2, "chooses_primitive": True, "reads_sides": False, "reads_shapes": False, "reads_kinds": False,
         "fits_prints": False, "aligner": False,
     }  # fmt: skip
     net = {"spatial": "plain", "semantic": False, "language": "none", "laterals": False, "skips": True,

@@ -18,13 +18,14 @@ from cliport_policy.fit_shapes import main
 from cliport_policy.inference import NullAction
 from cliport_policy.joint_config import JointConfig
 from cliport_policy.language import shared_encoder
+from cliport_policy.leading import led_picks
 from cliport_policy.policy import Policy, load_policy
 from cliport_policy.presence.stored import load_presence
 from cliport_policy.shapes import drawings
 from cliport_policy.shapes.fit import DrawnBatches, share_right
 from cliport_policy.shapes.names import SHAPES, shape_to_pick
 from cliport_policy.shapes.outline_net import OutlineNet, load_outline_net, save_outline_net
-from cliport_policy.shapes.reader import Outlined, led_picks
+from cliport_policy.shapes.reader import Outlined
 from cliport_policy.shapes.silhouettes import SIDE, picture_of, silhouettes
 
 pytestmark = pytest.mark.usefixtures("one_thread")
@@ -132,14 +133,14 @@ def test_picks_are_led_to_what_has_the_outline() -> None:
     picks[1, 1], picks[6, 6], picks[5, 6] = 6.0, 1.0, 2.0
     cells = torch.zeros(3, 16, 16, dtype=torch.bool)
     cells[0, 2:4, 2:4] = cells[1, 10:14, 12:14] = cells[2, :2, 12:] = True
-    led = led_picks(picks, Outlined(cells, torch.tensor([0.02, 0.9, 0.02])))
+    led = led_picks(picks, Outlined(cells, torch.tensor([0.02, 0.9, 0.02])).leads())
     assert divmod(int(led.argmax()), 8) == (5, 6), "the policy's own best place on the thing that is meant"
     assert led.flatten().logsumexp(0) == pytest.approx(float(picks.flatten().logsumexp(0)), abs=1e-4)
     assert float(led.flatten().softmax(0)[[6 * 8 + 6, 5 * 8 + 6]].sum()) > 0.6
-    alike = led_picks(picks, Outlined(cells, torch.tensor([0.9, 0.9, 0.02])))
+    alike = led_picks(picks, Outlined(cells, torch.tensor([0.9, 0.9, 0.02])).leads())
     assert divmod(int(alike.argmax()), 8) == (1, 1), "of two such things the one that the policy would take"
-    for nothing in (None, Outlined(cells, torch.full((3,), 0.02)), Outlined(cells[:0], torch.zeros(0))):
-        assert led_picks(picks, nothing) is picks
+    for nothing in (Outlined(cells, torch.full((3,), 0.02)), Outlined(cells[:0], torch.zeros(0))):
+        assert led_picks(picks, nothing.leads()) is picks
 
 
 @pytest.fixture(scope="module")
@@ -175,7 +176,8 @@ def test_a_known_shape_is_found_by_its_kind_or_by_its_outline(
 ) -> None:
     """A ring is known as one of Hanoi's: what is found by either is not missing."""
     assert policy._presence is not None and "ring" in policy.card.presence["kinds"]
-    monkeypatch.setattr(policy._presence, "_present", lambda role, *_: by_kind if role.shape else 1.0)
+    seen = {True: torch.full((3, 1, 1), by_kind), False: torch.ones(3, 1, 1)}
+    monkeypatch.setattr(policy._presence, "_seen", lambda role, *_: seen[bool(role.shape)])
     scene, _ = _table(("ring", "letter K"))
     missing = policy._presence.look(policy._tensor(scene), "move the red ring to the middle of the stand").missing
     assert missing.is_outline == is_outline and missing.probability < 0.1
@@ -185,10 +187,10 @@ def test_only_a_policy_that_reads_shapes_looks_for_them(policy: Policy) -> None:
     assert policy._presence is not None and policy._presence._shapes is not None
     scene, _ = _table(("letter K", "letter S", "number 4"))
     image = policy._tensor(scene)
-    assert policy._presence.look(image, "pack the letter K shape in the brown box").outlined is not None
+    assert policy._presence.look(image, "pack the letter K shape in the brown box").leads is not None
     for sentence in ("push the pile of red blocks into the green square", "pack all the red blocks into the brown box",
                      "align the rope from front left tip to back right corner"):  # fmt: skip
-        assert policy._presence.look(image, sentence).outlined is None, f"'{sentence}' has no shape picked"
+        assert policy._presence.look(image, sentence).leads is None, f"'{sentence}' has no shape picked"
 
 
 @pytest.mark.parametrize(
@@ -204,7 +206,7 @@ def test_the_strict_arm_is_not_told_what_shapes_look_like(
     assert presence is not None
     scene, _ = _table(("letter K", "letter S"))
     look = presence.look(policy._tensor(scene), "pack the letter K shape in the brown box")
-    assert (look.outlined is not None) == knows
+    assert (look.leads is not None) == knows
 
 
 @pytest.fixture

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection, Sequence
 from typing import NamedTuple
 
@@ -10,7 +11,8 @@ from cliport_policy.data.named_things import named_things
 ZONE = "zone"  # square on the table, which a pile is swept into or a rope laid along; another square is a shape
 _SQUARE = "square"
 _SPOKEN = {ZONE: "square", "small block": "block", "bead": "rope"}  # kinds that people call otherwise
-_AT_ZONES = {"small block", "bead"}  # what lies where squares are zones
+_AT_ZONES = {"small block", "bead"}  # what lies where squares are zones, many at once
+_CONTAINER = "brown box"  # what things are packed into
 
 
 class NamedKinds(NamedTuple):
@@ -28,6 +30,22 @@ def listed_kind(name: str, names: Collection[str]) -> str:
 def spoken(kind: str, colors: Sequence[str]) -> str:
     """Return what people call a kind in one of some colours, such as "red or blue bowl"."""
     return " ".join(filter(None, (" or ".join(colors), _SPOKEN.get(kind, kind))))
+
+
+def is_single(kind: str) -> bool:
+    """Return False for a kind of which many are handled at once, as a pile's blocks and a rope's beads are."""
+    return kind not in _AT_ZONES
+
+
+def is_container(kind: str) -> bool:
+    """Return True for a kind that things are packed into."""
+    return kind == _CONTAINER
+
+
+def is_called(kind: str, sentence: str) -> bool:
+    """Return True if a sentence has all words of a kind's name, in one of their forms ("rubber ducks")."""
+    words = re.findall(r"\w+", sentence.lower())
+    return all(any(word.startswith(part) for word in words) for part in kind.split())
 
 
 def named_kinds(sentence: str) -> NamedKinds | None:

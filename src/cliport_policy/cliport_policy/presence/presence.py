@@ -13,18 +13,21 @@ from torch.nn import functional as F
 
 from cliport_policy.data.color_names import color_spans
 from cliport_policy.language import TextEncoder
+from cliport_policy.leading import Leads
 from cliport_policy.networks.joint.color_maps import shown_by_maps
 from cliport_policy.odds import shifted
 from cliport_policy.presence.color_evidence import TERMS, shade_maps, surveyed_shade, term_maps
-from cliport_policy.presence.kinds import spoken
+from cliport_policy.presence.kinds import is_called, is_container, is_single, spoken
 from cliport_policy.presence.scene_net import SceneNet, evidence, grayed
 from cliport_policy.presence.sentence_net import Role, SentenceNet
+from cliport_policy.presence.things_of_kind import ThingsOfKind, things_of_kind
 from cliport_policy.presence.vocabulary import Vocabulary
 from cliport_policy.shapes.names import SHAPES, shape_to_pick
 from cliport_policy.shapes.reader import Outlined, ShapeReader
 
 _READINGS = 3  # kinds of one role that are asked about, the likeliest ones
 _REMEMBERED = 256  # sentences
+_KNOWN = 0.9  # share of a kind from which on picks are led by it
 _OUTLINE_BIAS = math.log(10)  # of the log odds of an outline's share: from 1 in 30 on the thing may be there
 
 
@@ -57,11 +60,13 @@ class Missing(NamedTuple):
 class Look(NamedTuple):
     """Result of a look at a scene for what a sentence names.
 
-    outlined: things that may be picked, by their outlines; None where the sentence names no outline.
+    leads: things that may be picked, by their outlines or by their kind; None where neither says which.
+    placed: log odds to be added to those that nothing remains to be done.
     """
 
     missing: Missing
-    outlined: Outlined | None
+    leads: Leads | None
+    placed: float = 0.0
 
 
 class Presence:
@@ -74,29 +79,38 @@ class Presence:
         scene: SceneNet,
         sentence: SentenceNet,
         shapes: ShapeReader | None = None,
+        pixel_size: float = 0.0,
     ) -> None:
-        self.vocabulary, self._encoder, self._shapes = vocabulary, encoder, shapes
+        """pixel_size: of observations in which picks are led to things of a named kind [m]; 0 where they are not."""
+        self.vocabulary, self._encoder, self._shapes, self._pixel_size = vocabulary, encoder, shapes, pixel_size
         self._scene, self._sentence = scene.eval(), sentence.eval()
         self.meant = lru_cache(_REMEMBERED)(self._meant)
 
     @torch.inference_mode()
     def look(self, image: Tensor, instruction: str) -> Look:
-        """Return which of the things that an instruction names is least likely in a scene, and what has its outline.
+        """Return which of the things that an instruction names is least likely in a scene, and what may be picked.
 
         image: (1, 5, H, W), an observation. What it does not know for a kind it takes for present.
         """
-        asked = pick, _ = self.meant(instruction.strip())
+        scene = image
+        asked = pick, place = self.meant(instruction.strip())
         shades = {color: self._shade(color) for role in asked for color in role.colors}
         maps = _maps(shades, image)
         outlined = self._outlined(image, pick, maps)
         if any(color not in TERMS for color in shades):
             image = _shown_in_gray(image, torch.stack(list(maps.values())))
         features = self._scene.features(grayed(image, torch.tensor([any(shades.values())])))
-        there = [self._by_kind(role, features, maps) for role in asked]
+        seen = [self._seen(role, features, [maps[color] for color in role.colors]) for role in asked]
+        there = [self._by_kind(role, cells) for role, cells in zip(asked, seen, strict=True)]
+        found = ThingsOfKind(None if outlined is None else outlined.leads(), 0.0)
         if outlined is not None:
             there[0] = self._by_outline(pick, outlined, there[0])
+        elif self._pixel_size and self._is_by_kind(pick, instruction):
+            shares = torch.tensordot(torch.tensor(pick.shares), seen[0], 1)
+            packed = is_container(self.vocabulary.kinds[place.kinds[0]])
+            found = things_of_kind(scene, shares, self._pixel_size, packed)
         least = max(there, key=lambda thing: thing.probability)
-        return Look(least._replace(known=min(thing.known for thing in there)), outlined)
+        return Look(least._replace(known=min(thing.known for thing in there)), found.leads, found.placed)
 
     def _outlined(self, image: Tensor, pick: Meant, maps: Mapping[str, Tensor]) -> Outlined | None:
         """Return the things of the outline and of the colours that are to be picked; None if no outline is named."""
@@ -115,9 +129,16 @@ class Presence:
         """Return a kind as SHAPES call it, should it be one of them."""
         return self.vocabulary.kinds[kind].removesuffix(" shape")
 
-    def _by_kind(self, role: Meant, features: Tensor, maps: Mapping[str, Tensor]) -> Missing:
-        """Return how likely a thing is missing, by its kind."""
-        present = self._present(role, features, [maps[color] for color in role.colors])
+    def _is_by_kind(self, pick: Meant, instruction: str) -> bool:
+        """Return True if an instruction calls what is to be picked by a known kind's own words, and by no colour."""
+        kind = self.vocabulary.kinds[pick.kinds[0]]
+        is_known = pick.shares[0] > _KNOWN and is_single(kind) and is_called(kind, instruction)
+        return is_known and not pick.colors and not pick.shape
+
+    def _by_kind(self, role: Meant, seen: Tensor) -> Missing:
+        """Return how likely a thing is missing, by its kind; seen: (K, h, w), of `_seen`."""
+        known = torch.tensor(role.shares)
+        present = float((known * seen.flatten(1).amax(1)).sum() + 1 - known.sum())
         return Missing(1.0 - present, spoken(self.vocabulary.kinds[role.kinds[0]], role.colors), sum(role.shares))
 
     def _by_outline(self, pick: Meant, outlined: Outlined, by_kind: Missing) -> Missing:
@@ -131,8 +152,11 @@ class Presence:
         """Return a colour's scaled CIELAB, None for a basic term that no demonstration names."""
         return self.vocabulary.shade(color) or surveyed_shade(color)
 
-    def _present(self, role: Meant, features: Tensor, maps: list[Tensor]) -> float:
-        """Return how likely something is there that a role may mean; maps: where each of its colours is seen."""
+    def _seen(self, role: Meant, features: Tensor, maps: list[Tensor]) -> Tensor:
+        """Return how likely each cell holds each kind that a role may mean, in any of its colours: (K, h, w).
+
+        maps: where each of its colours is seen.
+        """
         each = max(len(maps), 1)
         rows, cols = (2 * size for size in features.shape[-2:])
         seen = torch.stack(maps) if maps else features.new_zeros(1, rows, cols)
@@ -140,9 +164,7 @@ class Presence:
         any_color = torch.full_like(kinds, not maps, dtype=torch.bool)
         asked = evidence(seen.repeat(len(role.kinds), 1, 1)[None], any_color)
         logits = self._scene.score(features, asked, kinds, torch.zeros_like(kinds))
-        best = logits.flatten(2).amax(2).unflatten(1, (-1, each)).amax(2)[0].sigmoid()  # any of its colours will do
-        known = torch.tensor(role.shares)
-        return float((known * best).sum() + 1 - known.sum())
+        return logits.unflatten(1, (-1, each)).amax(2)[0].sigmoid()
 
     @torch.inference_mode()
     def _meant(self, instruction: str) -> tuple[Meant, Meant]:

@@ -1,4 +1,4 @@
-"""Look for a named shape among the things on the table, and lead picks to it."""
+"""Look for a named shape among the things on the table."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 import torch
 from torch import Tensor
-from torch.nn import functional as F
 
+from cliport_policy.leading import Leads
 from cliport_policy.observation import unscaled
 from cliport_policy.shapes.names import SHAPES
 from cliport_policy.shapes.outline_net import OutlineNet
@@ -16,7 +16,6 @@ from cliport_policy.shapes.silhouettes import silhouettes
 
 _LEAST = 0.03  # share from which on picks are led to a thing
 _HEARD = 0.5  # how far the policy's own odds between things count, of which it knows the colours and not the shape
-_OUT = 20.0  # logits that put all else out
 
 
 class Outlined(NamedTuple):
@@ -31,6 +30,10 @@ class Outlined(NamedTuple):
     def most(self) -> float:
         """Return the largest share, 0 if there is no thing."""
         return float(self.shares.max()) if len(self.shares) else 0.0
+
+    def leads(self) -> Leads | None:
+        """Return what picks are led to; None where no thing has that outline."""
+        return Leads(self.cells, self.shares.clamp_min(1e-6).log(), _HEARD) if self.most() >= _LEAST else None
 
 
 class ShapeReader:
@@ -50,20 +53,3 @@ class ShapeReader:
         pictures = torch.from_numpy(np.stack([thing.picture for thing in things]))
         cells = torch.from_numpy(np.stack([thing.cells for thing in things]))
         return Outlined(cells, self._net(pictures).softmax(1)[:, SHAPES.index(name)])
-
-
-def led_picks(picks: Tensor, outlined: Outlined | None) -> Tensor:
-    """Return logits of picks (h, w), led to things that have the outline which is meant, in sum as likely as before.
-
-    Between two such things the policy's own odds count for half their logarithm, within each as they are. Where no
-    thing has that outline, the logits stay as they are.
-    """
-    if outlined is None or outlined.most() < _LEAST:
-        return picks
-    size = outlined.cells.shape[-1] // picks.shape[-1]
-    near = F.max_pool2d(outlined.cells.float(), size) > 0 if size > 1 else outlined.cells
-    led = picks - _OUT
-    for cells, share in zip(near, outlined.shares, strict=True):
-        inside = picks[cells]
-        led[cells] = inside + share.clamp_min(1e-6).log() - (1 - _HEARD) * inside.logsumexp(0)
-    return led + picks.flatten().logsumexp(0) - led.flatten().logsumexp(0)
