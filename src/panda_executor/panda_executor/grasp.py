@@ -56,10 +56,10 @@ class Grasp:
     centroid: (3,) of the seen part across the closing direction and in height; along the closing direction it
     is the middle between the fingers' contacts: there the closing fingers do not move the object.
     tcp_z: height of the tcp; yaw: of the jaws; opening: of the fingers on the way down; width: between the
-    closed fingers; length: of the whole object across them; support_z: what the object stands on; top_z: its
-    highest part; footprint: (N, 2) all its cells, inner: (M, 2) those without its blurred edge, relative to
-    the centroid; spare: how much higher the tcp could be and still hold it; hand: that holds it; high: (K, 2) the inner
-    cells that rise over `half_height`.
+    closed fingers; length: of the whole object across them; support_z: what the object stands on; top_z: its top at
+    the pick; highest_z: its highest part, such as a figure's head that is held by its back; footprint: (N, 2) all its
+    cells, inner: (M, 2) those without its blurred edge, relative to the centroid; spare: how much higher the tcp could
+    be and still hold it; hand: that holds it; high: (K, 2) the inner cells that rise over `half_height`.
     """
 
     centroid: FloatArray
@@ -70,6 +70,7 @@ class Grasp:
     length: float
     support_z: float
     top_z: float
+    highest_z: float
     footprint: FloatArray
     inner: FloatArray
     cell: float
@@ -79,7 +80,7 @@ class Grasp:
 
     @property
     def half_height(self) -> float:
-        """Half-way between what the object stands on and its highest part [m, base frame]."""
+        """Half-way between what the object stands on and its top at the pick [m, base frame]."""
         return _half_way(self.support_z, self.top_z)
 
     def held(self, flip: float = 0.0) -> HeldObject:
@@ -89,12 +90,12 @@ class Grasp:
             self.inner @ np.array([[-s, c], [c, s]]),
             # It starts out touching what it stands on: that must not count as a collision.
             below=max(self.tcp_z - self.support_z - _SUPPORT_TOLERANCE, self.hand.fingertip_below_tcp),
-            above=max(self.top_z - self.tcp_z, 0.0),
+            above=max(self.highest_z - self.tcp_z, 0.0),
         )
 
     def owns(self, points: npt.NDArray[np.float32]) -> BoolArray:
         """Return a mask of the points (N, 3) [m] of the object, its blurred edge too; what is over it is none."""
-        return self.covers(points, OWN_MARGIN) & (points[:, 2] < self.top_z + OWN_MARGIN)  # NaN compares false
+        return self.covers(points, OWN_MARGIN) & (points[:, 2] < self.highest_z + OWN_MARGIN)  # NaN compares false
 
     def raised(self, by: float) -> Grasp:
         """Return the same grasp nearer to the object's top, by at most `by` [m]."""
@@ -218,6 +219,12 @@ def _is_same(whole: Hold, feature: Hold) -> bool:
     return abs(whole.middle - feature.middle) < 0.005 and abs(whole.width - feature.width) < 0.01
 
 
+def _highest(cells: GroundCells, seen: SeenObject) -> float:
+    """Return the height of an object's highest part, its top at the pick where all is about as high [m]."""
+    highest = float(cells.top[seen.whole & cells.seen].max(initial=seen.top))
+    return highest if highest > seen.top + OWN_MARGIN else seen.top
+
+
 def _grasp(
     cells: GroundCells, seen: SeenObject, hold: Hold, pick: PlanarPose, yaw: float, height: float, hand: HandModel
 ) -> Grasp:
@@ -241,6 +248,7 @@ def _grasp(
         length=2.0 * float(np.percentile(across, 98.0)) + cells.cell,
         support_z=seen.support_z,
         top_z=seen.top,
+        highest_z=_highest(cells, seen),
         footprint=footprint,
         inner=inner,
         cell=cells.cell,

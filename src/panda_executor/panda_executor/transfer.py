@@ -178,6 +178,7 @@ class TransferPlanner:
             try:
                 plan = attempt()
             except BudgetSpentError:
+                budget.check(reason)  # says what was in the way, too
                 raise
             except ExecutorError as error:
                 reason = reason or str(error)

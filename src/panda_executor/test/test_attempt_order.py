@@ -33,7 +33,7 @@ START = np.arange(7.0)
 ACTION = PickPlaceAction(PlanarPose(0.41, 0.12, 0.3), PlanarPose(0.52, -0.2, 0.8))
 CELLS = np.array([[0.0, 0.0], [0.01, 0.0]])
 GRASP = Grasp(
-    np.array([0.4, 0.1, 0.05]), 0.04, 0.2, 0.07, 0.03, 0.05, 0.0, 0.06, CELLS, CELLS, 0.0025, 0.006, HAND, CELLS
+    np.array([0.4, 0.1, 0.05]), 0.04, 0.2, 0.07, 0.03, 0.05, 0.0, 0.06, 0.06, CELLS, CELLS, 0.0025, 0.006, HAND, CELLS
 )
 PLACEMENT = Placement(0.5, -0.2, 0.05, 1.1, 0.06, 0.01)
 REST = np.zeros((1, 3), dtype=np.float32)

@@ -15,6 +15,7 @@ from cliport_core.pose import PlanarPose
 from cliport_core.workspace import WorkspaceSpec
 from panda_executor import transfer
 from panda_executor.config import ExecutorConfig
+from panda_executor.budget import Budget
 from panda_executor.errors import BudgetSpentError, PlanningError
 from panda_executor.grasp import Grasp
 from panda_executor.hand_geometry import HandShape
@@ -172,7 +173,7 @@ def test_the_gripper_is_turned_the_way_that_costs_the_arm_less(
 class Thing:
     """A grasp that covers every point with y below 0.3, and is known by its name."""
 
-    top_z = 0.1
+    highest_z = 0.1
     centroid = np.array([0.4, 0.2, 0.05])
 
     def __init__(self, name: str) -> None:
@@ -269,3 +270,20 @@ def test_spent_time_ends_the_attempts_at_once(own: TransferPlanner, tries: list[
     with pytest.raises(BudgetSpentError, match="too long"):
         own.plan(ACTION, drawn_cloud(), SPACE, READY)
     assert len(tries) == 3
+
+
+def test_time_that_is_spent_within_an_attempt_is_told_with_what_was_in_the_way(
+    own: TransferPlanner, tries: list[tuple[Any, ...]], monkeypatch: Patch
+) -> None:
+    now = [7.0]
+    own.clock = lambda: now[0]
+    own.__dict__["outcomes"] = {3: BudgetSpentError("too long")}
+    check = Budget.check
+
+    def after_two(budget: Budget, reason: str = "") -> None:
+        check(budget, reason)
+        now[0] += 1e6 * (len(tries) == 2)  # while the second attempt is made
+
+    monkeypatch.setattr(Budget, "check", after_two)
+    with pytest.raises(BudgetSpentError, match=r"^planning took too long .*; reason 2$"):
+        own.plan(ACTION, drawn_cloud(), SPACE, READY)

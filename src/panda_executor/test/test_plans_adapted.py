@@ -30,7 +30,7 @@ class Thing:
     """A grasp of what is at y over 0, 5 cm high."""
 
     centroid: Any
-    top_z: float = 0.055
+    highest_z: float = 0.055
 
     def covers(self, points: np.ndarray, margin: float) -> np.ndarray:
         return np.asarray(points[:, 1] > 0.0)

@@ -36,6 +36,7 @@ GRASP = Grasp(
     length=0.05,
     support_z=0.01,
     top_z=0.055,
+    highest_z=0.055,
     footprint=block(-5, 4, -4, 3),
     inner=np.array([[0.01, 0.0], [0.0, 0.02], [-0.003, 0.004]]),
     cell=CELL,
@@ -57,7 +58,7 @@ def test_what_is_held_lies_in_the_frame_of_the_fingers(yaw: float, flip: float) 
 def test_what_is_held_reaches_from_just_above_its_support_to_its_top() -> None:
     held = GRASP.held()
     assert held.below == pytest.approx(0.04 - 0.01 - 0.005) and held.above == pytest.approx(0.015)
-    low = replace(GRASP, support_z=0.03, top_z=0.035).held()
+    low = replace(GRASP, support_z=0.03, highest_z=0.035).held()
     assert low.below == HAND.fingertip_below_tcp and low.above == 0.0
 
 
