@@ -14,8 +14,8 @@ from cliport_core.action import PickPlaceAction
 from cliport_core.pose import PlanarPose
 from cliport_core.workspace import WorkspaceSpec
 from panda_executor import transfer
-from panda_executor.config import ExecutorConfig
 from panda_executor.budget import Budget
+from panda_executor.config import ExecutorConfig
 from panda_executor.errors import BudgetSpentError, PlanningError
 from panda_executor.grasp import Grasp
 from panda_executor.hand_geometry import HandShape
