@@ -30,8 +30,9 @@ _REMARK = (
     "things flew apart later, which keep the score that stood before. [open] and [strict] after a method: it was told "
     "beforehand what colours' names mean, all of a survey's or those without orange, purple, pink and white; [open] "
     "also what named shapes look like, where its card says `reads_shapes`. Rules find which of equal holes a sentence "
-    "means and how a piece lies on its print, where it says `reads_sides` and `fits_prints`. Chance: "
-    f"what random choices would score, where that is known; {LANGUAGE_BLIND}: an agent that sees and handles "
+    "means and how a piece lies on its print, where it says `reads_sides` and `fits_prints`; where it says "
+    "`reads_kinds` a network that learned from lists of what lies on the table leads picks to everyday objects. "
+    f"Chance: what random choices would score, where that is known; {LANGUAGE_BLIND}: an agent that sees and handles "
     "everything as the expert but does not hear the sentence (`evaluate --checkpoint blind`); a number in brackets is "
     "of scenes."
 )
