@@ -54,7 +54,7 @@ MADE = {  # command: what the Makefile starts for it, and README's words on how 
     "make teach": ("ros2 launch cliport_bringup teach.launch.yaml", ""),
     "make setup": ("setup", "some six minutes, most of them for downloads"),
     'make setup EXTRAS="runtime simulate"': ("setup", "some six minutes, most of them for downloads"),
-    "make test": ("python -m pytest -n 3 --no-loadscope-reorder", "16 minutes on two slow cores"),
+    "make test": ("python -m pytest -n 3 --no-loadscope-reorder", "15 minutes on two slow cores"),
     "make soak": ("python -m pytest -m soak", "load the machine for minutes"),
     "make bench": (f"python {PYTHON}.bench", "some minutes"),
     "make lint": ("ruff check\nruff format --check\nmypy\ncheck_page", ""),
