@@ -42,7 +42,10 @@ def publishing_nodes(process: int) -> list[Node]:
 
 
 class PickPlaceNode(Node):
-    """Serves an action: its goals succeed after two feedbacks; "wait" waits to be canceled, "never" is rejected."""
+    """Serves an action: its goals succeed after two feedbacks; "wait" waits to be canceled, "never" is rejected.
+
+    Before the two there is one of somebody else's goal.
+    """
 
     def __init__(self) -> None:
         super().__init__("server", namespace="/arm")
@@ -51,6 +54,7 @@ class PickPlaceNode(Node):
             goal_callback=self._accept, cancel_callback=lambda _goal: CancelResponse.ACCEPT,
             callback_group=ReentrantCallbackGroup(),
         )  # fmt: skip
+        self._others = self.create_publisher(PickPlace.Impl.FeedbackMessage, "/pick_place/_action/feedback", 10)
 
     def _accept(self, request: Any) -> GoalResponse:
         return GoalResponse.REJECT if request.instruction == "never" else GoalResponse.ACCEPT
@@ -63,6 +67,8 @@ class PickPlaceNode(Node):
             goal.canceled()
             print("canceled", flush=True)
             return PickPlace.Result(message="canceled")
+        other = PickPlace.Feedback(phase_name="descend", progress=0.75)
+        self._others.publish(PickPlace.Impl.FeedbackMessage(feedback=other))
         for progress in (0.25, 0.5):
             goal.publish_feedback(PickPlace.Feedback(phase_name="descend", progress=progress))
         goal.succeed()

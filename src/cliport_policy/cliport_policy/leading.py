@@ -13,8 +13,8 @@ _OUT = 20.0  # logits that put all else out
 class Leads(NamedTuple):
     """Things that picks are led to.
 
-    cells: (N, rows, cols) bool, where each is. weights: (N,) log odds, up to a constant, of how likely each is meant.
-    heard: how far the policy's own odds between things count; within each they count whole.
+    cells: (N, rows, cols) bool, where each is. weights: (N,) how much speaks for each, as log odds or as the logarithm
+    of a share. heard: how far the policy's own odds between things count; within each they count whole.
     """
 
     cells: Tensor

@@ -5,12 +5,11 @@ from __future__ import annotations
 import math
 
 from cliport_policy.odds import shifted
-from cliport_policy.presence.presence import Missing
+from cliport_policy.presence.presence import KNOWN, Missing
 
 _ABSENT_BIAS = -math.log(3)  # of the log odds of what a presence network says: it is believed from 0.75 on
 _FOUND = 0.1  # and where it has a lesser doubt than this,
-_FOUND_OUTLINE = 0.5  # or this of an outline, whose name means nothing to the policy,
-_KNOWN = 0.9  # and is as sure that it knows all that is named, it alone is heard
+_FOUND_OUTLINE = 0.5  # or this of an outline, whose name means nothing to the policy, and knows all: heard alone
 _NAMED = 0.5  # doubt from which on it names what is missing
 
 
@@ -25,6 +24,6 @@ def absence(absent: float, missing: Missing | None, done: float) -> tuple[float,
     doubt, enough = shifted(missing.probability, _ABSENT_BIAS), _FOUND
     if missing.is_outline:
         doubt, enough = doubt * (1 - done), _FOUND_OUTLINE
-    is_found = missing.probability < enough and missing.known > _KNOWN
+    is_found = missing.probability < enough and missing.known > KNOWN
     name = missing.name if missing.probability >= _NAMED else ""
     return (doubt if is_found else max(doubt, absent)), name

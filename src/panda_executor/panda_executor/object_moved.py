@@ -48,7 +48,7 @@ def seen_shift(cloud: npt.NDArray[np.float32], grasp: Grasp) -> FloatArray | Non
     """
     border = round(REACH / grasp.cell)
     highest, own = _highest(cloud, grasp, border)
-    known = highest < grasp.top_z + _ABOVE_TOP
+    known = highest < grasp.highest_z + _ABOVE_TOP
     votes = np.where(np.isfinite(highest) & known, np.where(highest >= grasp.half_height, 1, -1), 0)
     if np.count_nonzero(votes[own[:, 1], own[:, 0]]) < len(own) / 2:
         return np.zeros(2)

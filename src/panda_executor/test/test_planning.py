@@ -14,7 +14,6 @@ from synthetic_clouds import (
     cloud_of,
     container_points,
     cube_points,
-    figure_points,
     ring_points,
     seen_cloud,
 )
@@ -81,18 +80,6 @@ def test_another_way_down_at_the_place_is_tried_where_the_first_leads_nowhere(
     planner.plan(action, cloud_of([Cube(0.45, 0.1)]), workspace, READY_POSITIONS)
     (first_pick, first_place), (pick, place) = tried
     assert pick is first_pick and place is not first_place
-
-
-def test_a_figure_is_raised_whose_head_is_higher_than_the_back_that_is_held(
-    planner: TransferPlanner, workspace: WorkspaceSpec
-) -> None:
-    """What is held is none of what is in its way."""
-    action = PickPlaceAction(PlanarPose(0.435, 0.1, math.pi / 2), PlanarPose(0.5, -0.1, math.pi / 2))
-    around = cloud_of([Cube(0.45, 0.1, size=(0.07, 0.036, 0.0))])
-    cloud = np.concatenate([around, figure_points(0.45, 0.1).astype(np.float32)])
-    plan = planner.plan(action, cloud, workspace, READY_POSITIONS)
-    assert plan.grasp.highest_z > plan.grasp.top_z + 0.01
-    check_densely(plan.raise_up)
 
 
 def test_the_hand_leans_only_where_it_cannot_go_down_upright(planner: TransferPlanner, free_scene: Scene) -> None:

@@ -27,7 +27,7 @@ from cliport_policy.shapes.reader import Outlined, ShapeReader
 
 _READINGS = 3  # kinds of one role that are asked about, the likeliest ones
 _REMEMBERED = 256  # sentences
-_KNOWN = 0.9  # share of a kind from which on picks are led by it
+KNOWN = 0.9  # share of known kinds beyond which a name is taken to be known
 _OUTLINE_BIAS = math.log(10)  # of the log odds of an outline's share: from 1 in 30 on the thing may be there
 
 
@@ -79,9 +79,9 @@ class Presence:
         scene: SceneNet,
         sentence: SentenceNet,
         shapes: ShapeReader | None = None,
-        pixel_size: float = 0.0,
+        pixel_size: float | None = None,
     ) -> None:
-        """pixel_size: of observations in which picks are led to things of a named kind [m]; 0 where they are not."""
+        """pixel_size: of observations in which picks are led to things of a named kind [m]; None where they are not."""
         self.vocabulary, self._encoder, self._shapes, self._pixel_size = vocabulary, encoder, shapes, pixel_size
         self._scene, self._sentence = scene.eval(), sentence.eval()
         self.meant = lru_cache(_REMEMBERED)(self._meant)
@@ -92,23 +92,22 @@ class Presence:
 
         image: (1, 5, H, W), an observation. What it does not know for a kind it takes for present.
         """
-        scene = image
         asked = pick, place = self.meant(instruction.strip())
         shades = {color: self._shade(color) for role in asked for color in role.colors}
         maps = _maps(shades, image)
         outlined = self._outlined(image, pick, maps)
-        if any(color not in TERMS for color in shades):
-            image = _shown_in_gray(image, torch.stack(list(maps.values())))
-        features = self._scene.features(grayed(image, torch.tensor([any(shades.values())])))
+        is_surveyed = any(color not in TERMS for color in shades)
+        shown = _shown_in_gray(image, torch.stack(list(maps.values()))) if is_surveyed else image
+        features = self._scene.features(grayed(shown, torch.tensor([any(shades.values())])))
         seen = [self._seen(role, features, [maps[color] for color in role.colors]) for role in asked]
         there = [self._by_kind(role, cells) for role, cells in zip(asked, seen, strict=True)]
         found = ThingsOfKind(None if outlined is None else outlined.leads(), 0.0)
         if outlined is not None:
             there[0] = self._by_outline(pick, outlined, there[0])
-        elif self._pixel_size and self._is_by_kind(pick, instruction):
+        elif self._pixel_size is not None and self._is_by_kind(pick, instruction):
             shares = torch.tensordot(torch.tensor(pick.shares), seen[0], 1)
             packed = is_container(self.vocabulary.kinds[place.kinds[0]])
-            found = things_of_kind(scene, shares, self._pixel_size, packed)
+            found = things_of_kind(image, shares, self._pixel_size, packed)
         least = max(there, key=lambda thing: thing.probability)
         return Look(least._replace(known=min(thing.known for thing in there)), found.leads, found.placed)
 
@@ -132,7 +131,7 @@ class Presence:
     def _is_by_kind(self, pick: Meant, instruction: str) -> bool:
         """Return True if an instruction calls what is to be picked by a known kind's own words, and by no colour."""
         kind = self.vocabulary.kinds[pick.kinds[0]]
-        is_known = pick.shares[0] > _KNOWN and is_single(kind) and is_called(kind, instruction)
+        is_known = pick.shares[0] > KNOWN and is_single(kind) and is_called(kind, instruction)
         return is_known and not pick.colors and not pick.shape
 
     def _by_kind(self, role: Meant, seen: Tensor) -> Missing:

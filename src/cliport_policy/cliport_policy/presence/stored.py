@@ -71,5 +71,5 @@ def load_presence(tensors: Mapping[str, Tensor], card: Card, encoder: TextEncode
     knows_shapes = getattr(card.network, "knows_shapes", False)
     shapes = ShapeReader(load_outline_net(), card.workspace.pixel_size) if knows_shapes else None
     fold_norms(scene.requires_grad_(False).eval())
-    pixel_size = card.workspace.pixel_size if getattr(card.network, "reads_kinds", False) else 0.0
+    pixel_size = card.workspace.pixel_size if getattr(card.network, "reads_kinds", False) else None
     return Presence(vocabulary, encoder, scene, sentence.requires_grad_(False), shapes, pixel_size)

@@ -10,7 +10,7 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from cliport_policy.leading import Leads
-from cliport_policy.networks.joint.color_maps import unfolded
+from cliport_policy.networks.joint.color_maps import SEEN, unfolded
 from cliport_policy.networks.joint.color_words import LAB_SCALE
 
 _LEAST = 0.1  # share from which on something is taken for a thing of the kind,
@@ -23,7 +23,6 @@ _LOW, _BARE = 0.006, 0.0015  # nothing stands there, and the table is bare there
 _SAME = 15 / LAB_SCALE  # how far, in scaled CIELAB, what is bare looks from the table
 _MOSTLY = 0.5  # share of what is around a thing, or of all that is low, from which on it is the table
 _FEW = 10  # pixels around a thing that tell nothing
-_SEEN = 0.99  # share of what is seen of a half-resolution pixel
 _SURE = 0.98  # no share is believed more than this, nor less than its complement,
 _SAID = 0.4  # and so much of the difference of their log odds is heard
 
@@ -49,7 +48,7 @@ def things_of_kind(image: Tensor, shares: Tensor, pixel_size: float, packed: boo
     size = image.shape[-2] // 2, image.shape[-1] // 2
     side = 2 * pixel_size
     rows, cols = torch.meshgrid(*(torch.arange(n, dtype=torch.float32) for n in size), indexing="ij")
-    seen = valid[0] > _SEEN
+    seen = valid[0] > SEEN
     low = seen & (height[0] < _LOW)
     bare = _looks_bare(lab[0], seen & (height[0] < _BARE), low) if packed else None
     cells, weights = [], []

@@ -14,7 +14,7 @@ _SPREAD = (0.3, 0.15, 0.15)  # of a known colour, scaled CIELAB: light and shado
 _FARTHEST = -3.0  # log nearness: nothing is taken for a colour from which it lies farther
 _NOWHERE = -99.0  # log nearness of what is not seen
 _PATCH = 3  # half-resolution pixels along the side of what is large enough to be a thing
-_SEEN = 0.99  # share of what is seen of a half-resolution pixel of a thing
+SEEN = 0.99  # share of what is seen of a half-resolution pixel of a thing
 _THING_HEIGHT = 0.005  # m above the table
 _LEAST_NAMED = 0.5  # nothing less is taken to bear a colour's name
 _NEAR = 2.0  # nats: a thing that suits a colour by so much less than the best one still bears its name
@@ -81,7 +81,7 @@ class ColorMaps(nn.Module):
         near = picked.log_nearness(lab)
         suits = naming(near, self.head(basic[None].float()).log_nearness(lab))
         if self.compares:
-            is_thing = (valid > _SEEN) & (height > _THING_HEIGHT)
+            is_thing = (valid > SEEN) & (height > _THING_HEIGHT)
             suits = beside_the_best(suits, near, lab, is_thing, x.shape[-2:])
         return suits * valid.unsqueeze(1)
 
@@ -137,7 +137,7 @@ def nearest_shades(x: Tensor, known: Tensor) -> Tensor:
     offset = (lab[:, None] - known[:, :, None]) / lab.new_tensor(_SPREAD)
     near = (-0.5 * offset.square().sum(-1)).nan_to_num(_NOWHERE)  # (B, M, N)
     patches = F.avg_pool2d(near.unflatten(2, x.shape[-2:]), _PATCH, 1, _PATCH // 2, count_include_pad=False).flatten(2)
-    is_thing = (valid > _SEEN) & (height > _THING_HEIGHT)
+    is_thing = (valid > SEEN) & (height > _THING_HEIGHT)
     best = patches.where(is_thing[:, None], _NOWHERE).amax(2, keepdim=True).clamp_min(_FARTHEST)
     return (near - best).clamp_max(0.0).exp() * valid[:, None]
 
