@@ -87,16 +87,16 @@ def test_no_shift_is_found_where_less_than_half_of_the_place_is_seen(grasp: Gras
 
 def test_what_is_far_above_the_object_is_the_hand(grasp: Grasp) -> None:
     at = cells(grasp)
-    hidden = cloud(at, grasp.top_z + 0.0201)
+    hidden = cloud(at, grasp.highest_z + 0.0201)
     moved = cloud(at + np.array((12 * grasp.cell, 0.0)), grasp.top_z)
     unmoved = np.zeros(2)
     np.testing.assert_array_equal(seen_shift(np.concatenate([hidden, moved]), grasp), unmoved)
-    at_most = cloud(at, grasp.top_z + 0.0199)
+    at_most = cloud(at, grasp.highest_z + 0.0199)
     np.testing.assert_array_equal(seen_shift(at_most, grasp), unmoved)
 
 
 def test_a_taller_support_raises_what_counts_as_empty(grasp: Grasp) -> None:
-    raised = replace(grasp, support_z=0.03, top_z=0.05)
+    raised = replace(grasp, support_z=0.03, top_z=0.05, highest_z=0.05)
     at = cells(raised)
     assert vacated_share(cloud(at, 0.0399), raised) == 1.0 and vacated_share(cloud(at, 0.0401), raised) == 0.0
 
@@ -108,7 +108,7 @@ def drawn(width: int, shifts: list[tuple[int, int]], unseen: int = 0) -> tuple[G
     """
     whole = np.array([[x + 0.5, y + 0.5] for y in range(width) for x in range(width)]) * 0.0025
     square: Any = SimpleNamespace(
-        high=whole, cell=0.0025, centroid=np.array([X, Y, 0.03]), top_z=0.04, half_height=0.02
+        high=whole, cell=0.0025, centroid=np.array([X, Y, 0.03]), top_z=0.04, highest_z=0.04, half_height=0.02
     )
     heights = {(x, y): 0.0 for x in range(-30, 40) for y in range(-30, 40)}
     places = [[(x + dx, y + dy) for y in range(width) for x in range(width)] for dx, dy in shifts]
@@ -151,7 +151,7 @@ def test_a_bar_that_went_along_itself(cells: int, went: int, found: int | None) 
     """Of 20 cm each cell of its way explains little more; one that is longer than what is looked at stays put."""
     bar: Any = SimpleNamespace(
         high=np.array([[x + 0.5, y + 0.5] for x in range(cells) for y in range(8)]) * 0.0025,
-        cell=0.0025, centroid=np.array([X, Y, 0.03]), top_z=0.04, half_height=0.02,
+        cell=0.0025, centroid=np.array([X, Y, 0.03]), top_z=0.04, highest_z=0.04, half_height=0.02,
     )  # fmt: skip
     ground = np.array([[x + 0.5, y + 0.5] for x in range(-40, 150) for y in range(-20, 30)]) * 0.0025 + [X, Y]
     whole = bar.high if cells < 96 else np.concatenate([bar.high + np.array([0.0025 * by, 0.0]) for by in (-30, 30)])
