@@ -120,11 +120,14 @@ def test_a_sentence_of_another_kind_names_nothing() -> None:
 
 
 def test_the_shipped_mixture_and_its_switches(tmp_path: Path) -> None:
-    assert mixture_names() == ["attr_bowls_hanoi", "attr_boxes_kits", "attr_pyramid_piles", "presence", "ten"]
+    groups = ["attr_bowls_hanoi", "attr_boxes_kits", "attr_pyramid_piles"]
+    assert mixture_names() == [*groups, "demo_conditioned", "presence", "ten"]
     entries = read_mixture("ten", tmp_path)
     assert len(entries) == 10 and all(entry.folder.parent == tmp_path for entry in entries)
     rope = next(entry for entry in entries if entry.folder.name == "align-rope")
     assert rope.settings == SourceSettings(recolor=False, rearrange=False)
+    demo_conditioned = read_mixture("demo_conditioned", tmp_path)
+    assert len(demo_conditioned) == 10 and not any(entry.settings.recolor for entry in demo_conditioned)
 
 
 @pytest.mark.parametrize(
