@@ -43,7 +43,8 @@ class JointConfig:
     names, where a presence network tells what is to be picked; in the arm `open` alone, for what they mean is told
     from outside. It changes nothing in training.
     reads_kinds: True leads picks to things of the kind that the sentence names without a colour, where a presence
-    network knows it, and hears from it what lies in its box already. It changes nothing in training.
+    network knows it, and hears from it what lies in its box already; under a name that it does not know to things that
+    look like the kinds whose names mean something near it. It changes nothing in training.
     fits_prints: True looks, where the likeliest places are flat, for a patch of one colour that has the outline of what
     is picked, and has it put down there, turned as the patch lies, instead of asking the aligner; by a rule. It changes
     nothing in training.

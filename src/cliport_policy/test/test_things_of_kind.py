@@ -95,7 +95,7 @@ def policy() -> Policy:
         ("pack the rubber duck in the brown box", True), ("pack all the rubber duck objects in the brown box", True),
         ("put the gray blocks in a red bowl", False), ("push the pile of red blocks into the green square", False),
         ("align the rope from front left tip to back right corner", False),
-        ("pack the hovercraft in the brown box", False), ("pack the duck in the brown box", False),
+        ("put the hovercraft in a red bowl", False), ("put the hovercraft on the shelf", False),
     ],
 )  # fmt: skip
 def test_only_things_that_their_kind_tells_apart_are_looked_for(

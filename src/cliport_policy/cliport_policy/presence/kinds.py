@@ -7,12 +7,15 @@ from collections.abc import Collection, Sequence
 from typing import NamedTuple
 
 from cliport_policy.data.named_things import named_things
+from cliport_policy.shapes.names import SHAPES
 
 ZONE = "zone"  # square on the table, which a pile is swept into or a rope laid along; another square is a shape
 _SQUARE = "square"
 _SPOKEN = {ZONE: "square", "small block": "block", "bead": "rope"}  # kinds that people call otherwise
 _AT_ZONES = {"small block", "bead"}  # what lies where squares are zones, many at once
 _CONTAINER = "brown box"  # what things are packed into
+_HOLE = " hole"
+_PLAIN = {"block", "bowl", "box", "ring", "kit", "stand", ZONE, _CONTAINER, *_AT_ZONES}  # told by colour or place
 
 
 class NamedKinds(NamedTuple):
@@ -40,6 +43,11 @@ def is_single(kind: str) -> bool:
 def is_container(kind: str) -> bool:
     """Return True for a kind that things are packed into."""
     return kind == _CONTAINER
+
+
+def is_everyday(kind: str) -> bool:
+    """Return True for a kind that its looks tell, and neither its outline nor its colour alone."""
+    return kind not in _PLAIN and not kind.endswith(_HOLE) and kind.removesuffix(" shape") not in SHAPES
 
 
 def is_called(kind: str, sentence: str) -> bool:

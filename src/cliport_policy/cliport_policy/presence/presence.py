@@ -17,7 +17,8 @@ from cliport_policy.leading import Leads
 from cliport_policy.networks.joint.color_maps import shown_by_maps
 from cliport_policy.odds import shifted
 from cliport_policy.presence.color_evidence import TERMS, shade_maps, surveyed_shade, term_maps
-from cliport_policy.presence.kinds import is_called, is_container, is_single, spoken
+from cliport_policy.presence.kin import Kin, unpacked
+from cliport_policy.presence.kinds import is_called, is_container, is_everyday, is_single, spoken
 from cliport_policy.presence.scene_net import SceneNet, evidence, grayed
 from cliport_policy.presence.sentence_net import Role, SentenceNet
 from cliport_policy.presence.things_of_kind import ThingsOfKind, things_of_kind
@@ -28,6 +29,7 @@ from cliport_policy.shapes.reader import Outlined, ShapeReader
 _READINGS = 3  # kinds of one role that are asked about, the likeliest ones
 _REMEMBERED = 256  # sentences
 KNOWN = 0.9  # share of known kinds beyond which a name is taken to be known
+_LIKELY = 0.5  # share from which on the likeliest kind is meant rather than any other
 _OUTLINE_BIAS = math.log(10)  # of the log odds of an outline's share: from 1 in 30 on the thing may be there
 
 
@@ -84,6 +86,7 @@ class Presence:
         """pixel_size: of observations in which picks are led to things of a named kind [m]; None where they are not."""
         self.vocabulary, self._encoder, self._shapes, self._pixel_size = vocabulary, encoder, shapes, pixel_size
         self._scene, self._sentence = scene.eval(), sentence.eval()
+        self._kin = Kin(vocabulary.kinds, encoder)
         self.meant = lru_cache(_REMEMBERED)(self._meant)
 
     @torch.inference_mode()
@@ -92,7 +95,8 @@ class Presence:
 
         image: (1, 5, H, W), an observation. What it does not know for a kind it takes for present.
         """
-        asked = pick, place = self.meant(instruction.strip())
+        asked = self.meant(instruction.strip())
+        pick = asked[0]
         shades = {color: self._shade(color) for role in asked for color in role.colors}
         maps = _maps(shades, image)
         outlined = self._outlined(image, pick, maps)
@@ -101,15 +105,33 @@ class Presence:
         features = self._scene.features(grayed(shown, torch.tensor([any(shades.values())])))
         seen = [self._seen(role, features, [maps[color] for color in role.colors]) for role in asked]
         there = [self._by_kind(role, cells) for role, cells in zip(asked, seen, strict=True)]
-        found = ThingsOfKind(None if outlined is None else outlined.leads(), 0.0)
         if outlined is not None:
             there[0] = self._by_outline(pick, outlined, there[0])
-        elif self._pixel_size is not None and self._is_by_kind(pick, instruction):
-            shares = torch.tensordot(torch.tensor(pick.shares), seen[0], 1)
-            packed = is_container(self.vocabulary.kinds[place.kinds[0]])
-            found = things_of_kind(image, shares, self._pixel_size, packed)
+            found = ThingsOfKind(outlined.leads(), 0.0)
+        else:
+            found = self._things(image, instruction, *zip(asked, seen, strict=True))
         least = max(there, key=lambda thing: thing.probability)
         return Look(least._replace(known=min(thing.known for thing in there)), found.leads, found.placed)
+
+    def _things(
+        self, image: Tensor, instruction: str, picked: tuple[Meant, Tensor], placed: tuple[Meant, Tensor]
+    ) -> ThingsOfKind:
+        """Return what may be picked: of the kind that is named, or kin to a name that is not known.
+
+        picked, placed: what is meant, and how likely each cell holds its kinds (K, h, w).
+        """
+        (pick, pick_seen), (place, place_seen) = picked, placed
+        if self._pixel_size is None:
+            return ThingsOfKind(None, 0.0)
+        packed = is_container(self.vocabulary.kinds[place.kinds[0]])
+        if self._is_by_kind(pick, instruction):
+            shares = torch.tensordot(torch.tensor(pick.shares), pick_seen, 1)
+            return things_of_kind(image, shares, self._pixel_size, packed)
+        if not packed or place.shares[0] <= _LIKELY or not self._is_unknown(pick, instruction):
+            return ThingsOfKind(None, 0.0)
+        things = unpacked(image, place_seen[0], self._pixel_size)
+        kinds = self._scene.kind_head(self._scene.features(image))[0]
+        return ThingsOfKind(self._kin.leads(instruction, things, kinds), 0.0)
 
     def _outlined(self, image: Tensor, pick: Meant, maps: Mapping[str, Tensor]) -> Outlined | None:
         """Return the things of the outline and of the colours that are to be picked; None if no outline is named."""
@@ -133,6 +155,13 @@ class Presence:
         kind = self.vocabulary.kinds[pick.kinds[0]]
         is_known = pick.shares[0] > KNOWN and is_single(kind) and is_called(kind, instruction)
         return is_known and not pick.colors and not pick.shape
+
+    def _is_unknown(self, pick: Meant, instruction: str) -> bool:
+        """Return True if no known kind's own words call what is to be picked, nor its outline."""
+        kind = self.vocabulary.kinds[pick.kinds[0]]
+        if pick.shares[0] <= _LIKELY:
+            return not pick.shape
+        return not pick.shape and is_everyday(kind) and not is_called(kind, instruction)
 
     def _by_kind(self, role: Meant, seen: Tensor) -> Missing:
         """Return how likely a thing is missing, by its kind; seen: (K, h, w), of `_seen`."""

@@ -29,17 +29,20 @@ def silhouettes(height: NDArray[np.float32], valid: NDArray[np.bool_], pixel_siz
     return [Silhouette(cells, picture_of(cells)) for cells in standing(height, valid, pixel_size)]
 
 
-def standing(height: NDArray[np.float32], valid: NDArray[np.bool_], pixel_size: float) -> list[NDArray[np.bool_]]:
+def standing(
+    height: NDArray[np.float32], valid: NDArray[np.bool_], pixel_size: float, most: float = _MOST
+) -> list[NDArray[np.bool_]]:
     """Return where the things on the table are that are as large as a shape to hold, each (rows, cols).
 
-    height: (rows, cols) [m]. valid: (rows, cols), where something was seen. pixel_size: of a cell [m].
+    height: (rows, cols) [m]. valid: (rows, cols), where something was seen. pixel_size: of a cell [m]. most: across the
+    largest that are meant [m].
     """
     out = (height > _LEAST_HEIGHT) & valid
     count, labels, stats, _ = cv2.connectedComponentsWithStats(out.astype(np.uint8), connectivity=4)
     found = []
     for label in range(1, count):
         across = max(stats[label, cv2.CC_STAT_WIDTH], stats[label, cv2.CC_STAT_HEIGHT]) * pixel_size
-        if _LEAST <= across <= _MOST:
+        if _LEAST <= across <= most:
             found.append(labels == label)
     return found
 
