@@ -1,4 +1,4 @@
-"""Things under names that no demonstration holds: led to by the known kinds that they look like and sound like."""
+"""Things under names that no demonstration holds: led to by known kinds that they look like, with names near theirs."""
 
 import numpy as np
 import pytest

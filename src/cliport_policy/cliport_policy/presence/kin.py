@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn import functional as F
 
@@ -14,12 +16,12 @@ from cliport_policy.language import TextEncoder
 from cliport_policy.leading import Leads
 from cliport_policy.observation import unscaled
 from cliport_policy.presence.kinds import is_everyday
+from cliport_policy.presence.things_of_kind import HEARD
 from cliport_policy.shapes.silhouettes import standing
 
 _SENTENCE = "pack the {} in the brown box"
 _SOFT = 3.0  # temperature of the kinds that a thing looks like
 _SAYS = 6.0  # logits by which what suits a name wholly is ahead of what has nothing to do with it
-_HEARD = 0.3  # how far the policy's own odds between things count
 _MOST = 0.35  # across what stands out from the table, the box too [m]
 
 
@@ -56,7 +58,7 @@ class Kin:
         at = torch.stack([kinds[self._numbers][:, cells].amax(1) for cells in inside])  # (N, n)
         looks = F.normalize((at / _SOFT).softmax(1) @ known, dim=1)
         name = F.normalize(self._encoder.encode_one(instruction).sentence_vectors()[0] - mean, dim=0)
-        return Leads(things, _SAYS * (looks @ name - (looks @ known.T).mean(1)), _HEARD)
+        return Leads(things, _SAYS * (looks @ name - (looks @ known.T).mean(1)), HEARD)
 
 
 def unpacked(image: Tensor, box: Tensor, pixel_size: float) -> Tensor:
@@ -68,9 +70,11 @@ def unpacked(image: Tensor, box: Tensor, pixel_size: float) -> Tensor:
     row, col = divmod(int(box.argmax()), box.shape[1])
     there = np.array([row, col]) * (height.shape[1] // box.shape[1])
     found = [(cells, np.argwhere(cells)) for cells in standing(height, valid, pixel_size, _MOST)]
-    walls = [at for _, at in found if (at.min(0) <= there).all() and (there <= at.max(0)).all()]
-    free = [
-        cells for cells, at in found
-        if not any((wall.min(0) <= at.mean(0)).all() and (at.mean(0) <= wall.max(0)).all() for wall in walls)
-    ]  # fmt: skip
+    walls = [at for _, at in found if _is_within(there, at)]
+    free = [cells for cells, at in found if not any(_is_within(at.mean(0), wall) for wall in walls)]
     return torch.from_numpy(np.array(free, np.bool_).reshape(-1, *height.shape))
+
+
+def _is_within(pixel: NDArray[Any], pixels: NDArray[np.int64]) -> bool:
+    """Return True if a pixel (2,) lies in the rectangle around pixels (M, 2)."""
+    return bool((pixels.min(0) <= pixel).all() and (pixel <= pixels.max(0)).all())

@@ -95,8 +95,7 @@ class Presence:
 
         image: (1, 5, H, W), an observation. What it does not know for a kind it takes for present.
         """
-        asked = self.meant(instruction.strip())
-        pick = asked[0]
+        asked = pick, _ = self.meant(instruction.strip())
         shades = {color: self._shade(color) for role in asked for color in role.colors}
         maps = _maps(shades, image)
         outlined = self._outlined(image, pick, maps)
@@ -159,9 +158,8 @@ class Presence:
     def _is_unknown(self, pick: Meant, instruction: str) -> bool:
         """Return True if no known kind's own words call what is to be picked, nor its outline."""
         kind = self.vocabulary.kinds[pick.kinds[0]]
-        if pick.shares[0] <= _LIKELY:
-            return not pick.shape
-        return not pick.shape and is_everyday(kind) and not is_called(kind, instruction)
+        is_known = pick.shares[0] > _LIKELY and (is_called(kind, instruction) or not is_everyday(kind))
+        return not pick.shape and not is_known
 
     def _by_kind(self, role: Meant, seen: Tensor) -> Missing:
         """Return how likely a thing is missing, by its kind; seen: (K, h, w), of `_seen`."""

@@ -17,7 +17,7 @@ _LEAST = 0.1  # share from which on something is taken for a thing of the kind,
 _MOST_THINGS = 8  # the likeliest ones,
 _APART = 0.03  # which lie so far from each other [m]
 _REACH = 0.03  # of a thing's picks around where it is seen [m]
-_HEARD = 0.3  # how far the policy's own odds between things count
+HEARD = 0.3  # how far the policy's own odds between things count
 _RING = (0.019, 0.056)  # what lies around a thing is looked at from here to there [m]
 _LOW, _BARE = 0.006, 0.0015  # nothing stands there, and the table is bare there [m above the table]
 _SAME = 15 / LAB_SCALE  # how far, in scaled CIELAB, what is bare looks from the table
@@ -66,7 +66,7 @@ def things_of_kind(image: Tensor, shares: Tensor, pixel_size: float, packed: boo
             taken |= own
             cells.append(own)
             weights.append(_log_odds(share))
-    leads = Leads(torch.stack(cells), torch.tensor(weights), _HEARD) if cells else None
+    leads = Leads(torch.stack(cells), torch.tensor(weights), HEARD) if cells else None
     return ThingsOfKind(leads, 0.0 if bare is None else _SAID * (_log_odds(inside) - _log_odds(outside)))
 
 
