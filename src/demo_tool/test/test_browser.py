@@ -246,7 +246,7 @@ def test_the_space_bar_stops_from_a_button_and_types_in_a_text(person: Person) -
     assert person.place.arm.stops == 0
     person.page.focus("#clear")
     person.draw_both()
-    person.place.arm.pace = 0.3
+    person.place.arm.pace = 1.0
     person.click("#execute")
     person.sees("executing")
     person.press("Space")

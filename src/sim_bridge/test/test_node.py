@@ -257,8 +257,8 @@ def test_reset_and_score(client):
 
 def test_reset_ends_a_running_motion(client):
     client.make_scene()
-    handle, _ = client.send(swing(client.positions(), 0.8, 2.0))
-    time.sleep(0.6)
+    handle, _ = client.send(swing(client.positions(), 0.8, 6.0))
+    client.until(lambda: client.positions()[0] > 0.05, 60.0)
     client.make_scene()
     status, result = client.result(handle)
     assert status == GoalStatus.STATUS_ABORTED
