@@ -31,6 +31,7 @@ from cliport_policy.encoders.clip_modules import ClipResNet, ClipText
 from cliport_policy.language import ENCODER_NAME, shared_encoder
 from cliport_policy.named_configs import load_network_config
 from cliport_policy.networks.factory import build_network
+from cliport_policy.policy import Policy, load_policy
 from cliport_policy.presence.scene_net import SceneNet
 from cliport_policy.presence.sentence_net import SentenceNet
 from cliport_policy.presence.stored import put_presence
@@ -191,6 +192,12 @@ def write_archive(weights: dict[str, torch.Tensor], path: Path) -> Path:
         warnings.simplefilter("ignore", FutureWarning)
         torch.jit.save(torch.jit.script(root), str(path))
     return path
+
+
+@pytest.fixture(scope="session")
+def policy() -> Policy:
+    """Return the shipped policy."""
+    return load_policy()
 
 
 @pytest.fixture(scope="session")

@@ -8,7 +8,7 @@ from cliport_core.heightmap import Heightmap
 from cliport_core.workspace import WorkspaceSpec
 from cliport_policy.language import shared_encoder
 from cliport_policy.observation import observation_tensor
-from cliport_policy.policy import Policy, load_policy
+from cliport_policy.policy import Policy
 from cliport_policy.presence.kin import Kin, unpacked
 
 pytestmark = pytest.mark.usefixtures("one_thread")
@@ -26,7 +26,8 @@ def _table(*things: tuple[int, int]) -> torch.Tensor:
     height[BOX] = 0.05
     height[BOX[0].start + 3 : BOX[0].stop - 3, BOX[1].start + 3 : BOX[1].stop - 3] = 0.0
     for row, col in things:
-        height[row - 6 : row + 7, col - 6 : col + 7] = 0.03
+        thing = slice(row - 6, row + 7), slice(col - 6, col + 7)
+        color[thing], height[thing] = (200, 40, 40), 0.03
     return observation_tensor(Heightmap(color, height, np.ones((rows, cols), np.bool_), SPEC))
 
 
@@ -75,12 +76,6 @@ def test_no_thing_and_no_everyday_kind_lead_nowhere() -> None:
     assert Kin(KINDS[:2], shared_encoder()).leads("pack the goose in the brown box", things, _kinds()) is None
 
 
-@pytest.fixture(scope="module")
-def policy() -> Policy:
-    """Return the shipped policy."""
-    return load_policy()
-
-
 @pytest.mark.parametrize(
     ("sentence", "led"),
     [
@@ -99,3 +94,17 @@ def test_only_unknown_names_of_what_is_packed_are_read_by_their_kin(
     monkeypatch.setattr(presence._kin, "leads", lambda instruction, *_: asked.append(instruction))
     presence.look(_table(LEFT, RIGHT), sentence)
     assert asked == ([sentence] if led else [])
+
+
+def test_a_thing_looks_alike_whatever_colours_the_sentence_names(
+    policy: Policy, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of known kinds what a sentence names is shown in grey to the presence network."""
+    presence, image, seen = policy._presence, _table(LEFT, RIGHT), []
+    assert presence is not None
+    monkeypatch.setattr(presence._kin, "leads", lambda instruction, things, kinds: seen.append(kinds))
+    for name in ("hovercraft", "red hovercraft", "salmon hovercraft"):
+        presence.look(image, f"pack the {name} in the brown box")
+    with torch.inference_mode():
+        kinds = presence._scene.kind_head(presence._scene.features(image))[0]
+    assert len(seen) == 3 and all(torch.equal(each, kinds) for each in seen)

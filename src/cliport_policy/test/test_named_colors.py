@@ -8,14 +8,9 @@ from cliport_policy.data.color_names import color_spans
 from cliport_policy.errors import InstructionError
 from cliport_policy.joint_config import JointConfig
 from cliport_policy.named_colors import with_colors_alike
-from cliport_policy.policy import Policy, load_policy
+from cliport_policy.policy import Policy
 
 HEART = "put the {} heart in the heart hole"
-
-
-@pytest.fixture(scope="module")
-def policy() -> Policy:
-    return load_policy("default")
 
 
 @pytest.mark.parametrize(

@@ -19,7 +19,7 @@ from cliport_policy.inference import NullAction
 from cliport_policy.joint_config import JointConfig
 from cliport_policy.language import shared_encoder
 from cliport_policy.leading import led_picks
-from cliport_policy.policy import Policy, load_policy
+from cliport_policy.policy import Policy
 from cliport_policy.presence.stored import load_presence
 from cliport_policy.shapes import drawings
 from cliport_policy.shapes.fit import DrawnBatches, share_right
@@ -141,12 +141,6 @@ def test_picks_are_led_to_what_has_the_outline() -> None:
     assert divmod(int(alike.argmax()), 8) == (1, 1), "of two such things the one that the policy would take"
     for nothing in (Outlined(cells, torch.full((3,), 0.02)), Outlined(cells[:0], torch.zeros(0))):
         assert led_picks(picks, nothing.leads()) is picks
-
-
-@pytest.fixture(scope="module")
-def policy() -> Policy:
-    """Return the shipped policy."""
-    return load_policy()
 
 
 @pytest.mark.parametrize("names", [("letter K", "letter S", "number 4"), ("arrow", "heart", "letter H")])

@@ -10,7 +10,7 @@ import torch
 from cliport_core.heightmap import Heightmap
 from cliport_policy.joint_config import JointConfig
 from cliport_policy.places import Places
-from cliport_policy.policy import Policy, load_policy
+from cliport_policy.policy import Policy
 from cliport_policy.sides import OwnSide, Side, at_own_side, at_side, own_side_named, side_named
 
 
@@ -110,11 +110,6 @@ def test_left_is_at_the_left_hand_of_who_looks_to_the_front() -> None:
         one_seen = at_own_side(Side.LEFT, front[:1], back, [corners["back left"], corners["back right"]])
         assert one_seen == [0], "also where one end of the front is not seen"
         assert not at_own_side(Side.LEFT, front, back, [corners["back right"]])
-
-
-@pytest.fixture(scope="module")
-def policy() -> Policy:
-    return load_policy("default")
 
 
 def places_with(policy: Policy, heights: dict[tuple[int, int], float]) -> torch.Tensor:

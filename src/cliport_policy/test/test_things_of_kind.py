@@ -16,7 +16,7 @@ from cliport_policy.joint_config import JointConfig
 from cliport_policy.language import shared_encoder
 from cliport_policy.leading import Leads, led_picks
 from cliport_policy.observation import observation_tensor
-from cliport_policy.policy import Policy, load_policy
+from cliport_policy.policy import Policy
 from cliport_policy.presence.stored import load_presence
 from cliport_policy.presence.things_of_kind import things_of_kind
 
@@ -81,12 +81,6 @@ def test_two_cells_of_one_thing_are_one() -> None:
     shares[ON_TABLE[0] + 1, ON_TABLE[1] + 1] = 0.7
     found = things_of_kind(_table(), shares, SPEC.pixel_size, packed=True)
     assert found.leads is not None and len(found.leads.cells) == 1
-
-
-@pytest.fixture(scope="module")
-def policy() -> Policy:
-    """Return the shipped policy."""
-    return load_policy()
 
 
 @pytest.mark.parametrize(
