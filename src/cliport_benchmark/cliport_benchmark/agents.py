@@ -76,8 +76,10 @@ class PolicyAgent:
         return inference.action, inference.done_probability
 
 
-def load_agent(checkpoint: str) -> Agent:
+def load_agent(checkpoint: str, left_out: tuple[str, ...] = ()) -> Agent:
     """Load an agent: the expert, the blind one, or the policy of a path, a shipped name or `default`.
+
+    left_out: parts of the policy's network that it acts without.
 
     Raises:
         OptionError: when the checkpoint cannot be used.
@@ -89,6 +91,6 @@ def load_agent(checkpoint: str) -> Agent:
     from cliport_policy.policy import load_policy  # takes seconds, and the agents without weights do without
 
     try:
-        return PolicyAgent(load_policy(checkpoint))
+        return PolicyAgent(load_policy(checkpoint, left_out=left_out))
     except PolicyError as error:
         raise OptionError(str(error)) from error

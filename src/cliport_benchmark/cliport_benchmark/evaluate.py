@@ -35,7 +35,7 @@ from sim_bridge.world import SimWorld
 class EvaluateConfig:
     """Settings of an evaluation. exact_offset: a thing that is picked off its middle is placed as far off.
     survey_colors: the benchmark's colours look and are called as in draw_colors. without_arm: things are set where
-    they belong, for agents that know where to hold them.
+    they belong, for agents that know where to hold them. left_out: parts of the policy's network that it acts without.
 
     Raises:
         OptionError: on numbers that make no evaluation, or a wording for a task that has none.
@@ -53,6 +53,7 @@ class EvaluateConfig:
     variation: Variation = field(default_factory=Variation)
     survey_colors: bool = False
     without_arm: bool = False
+    left_out: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         task = make_task(self.task, self.split)
@@ -64,6 +65,8 @@ class EvaluateConfig:
             raise OptionError(
                 f"--without-arm is for {' and '.join(BUILT_IN)}, who know where to hold things; got {self.checkpoint}"
             )
+        if self.left_out and self.checkpoint in BUILT_IN:
+            raise OptionError(f"--leave-out leaves out parts of a policy's network, and {self.checkpoint} has none")
         if self.without_arm and self.exact_offset:
             raise OptionError("--exact-offset is of the arm: with --without-arm a thing is always placed as it is held")
         if self.is_reworded and not task.sentence_pattern:
@@ -93,6 +96,7 @@ class EvaluateConfig:
         Raises:
             CheckpointError: when there is no such checkpoint.
             OptionError: when its network cannot be scored.
+            ConfigError: when its network has no part that is to be left out.
             ObjectFolderError: when the task's objects cannot be used.
         """
         settings: dict[str, Any] = {
@@ -106,7 +110,7 @@ class EvaluateConfig:
             "randomize": self.variation.settings() or False,
         }
         if self.checkpoint not in BUILT_IN:
-            settings |= policy_facts(self.checkpoint)
+            settings |= policy_facts(self.checkpoint, self.left_out)
         if self.wording != Wording():
             settings["wording"] = dataclasses.asdict(self.wording)
         if self.survey_colors:
@@ -121,7 +125,7 @@ class Evaluator:
 
     def __init__(self, config: EvaluateConfig) -> None:
         self.config = config
-        self.agent: Agent = load_agent(config.checkpoint)
+        self.agent: Agent = load_agent(config.checkpoint, config.left_out)
         _check_workspace(self.agent, config)
         self.world = SimWorld(config.setup.sim_config())
         setup, variation = config.setup, config.variation

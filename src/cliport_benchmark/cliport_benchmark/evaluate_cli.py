@@ -22,6 +22,7 @@ from cliport_benchmark.task_names import task_names
 from cliport_benchmark.wording import Wording, load_patterns, load_synonyms
 from cliport_core.command_line import CommandParser
 from cliport_core.source_state import source_state
+from cliport_policy.ablation import PARTS
 from cliport_policy.errors import PolicyError
 from sim_bridge.errors import SimBridgeError
 from sim_bridge.tasks import make_task
@@ -95,6 +96,7 @@ def _config(options: argparse.Namespace, task: str) -> EvaluateConfig:
         variation_of(options),
         options.survey_colors,
         options.without_arm,
+        tuple(part for part in options.leave_out.split(",") if part),
     )
 
 
@@ -189,6 +191,12 @@ def _parser() -> argparse.ArgumentParser:
         "--without-arm",
         action="store_true",
         help="set things where they belong, in a tenth of the time; for expert and blind, who know where to hold them",
+    )
+    parser.add_argument(
+        "--leave-out",
+        default="",
+        metavar="PARTS",
+        help=f"parts of the policy's network to act without, with commas between: {', '.join(PARTS)}",
     )
     parser.add_argument("--synonyms", type=Path, help="file of lines 'colour = word' to say instead")
     parser.add_argument(

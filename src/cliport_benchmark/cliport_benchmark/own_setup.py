@@ -188,5 +188,6 @@ def condition_words(values: dict[str, Any]) -> str:
     words = ", other wording" if "wording" in values else ""
     words += ", through the graph" if values.get("graph") else ""
     words += ", without the arm" if values.get("without_arm") else ""
+    words += f", without {' and '.join(values['left_out'])}" if values.get("left_out") else ""
     words += ", exact offset" if values.get("offset") == "exact" else ""
     return words + set_up_words(values)

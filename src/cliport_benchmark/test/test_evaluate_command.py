@@ -10,6 +10,7 @@ from cliport_benchmark import evaluate_cli
 from cliport_benchmark.errors import BenchmarkError, DataFolderError, OptionError
 from cliport_benchmark.evaluate import EvaluateConfig, evaluate
 from cliport_benchmark.journal import Discarded, Journal
+from cliport_benchmark.own_setup import condition_words
 from cliport_benchmark.summary import summary
 from cliport_policy.card import load_card, resolve_checkpoint
 from cliport_policy.named_configs import load_network_config
@@ -70,6 +71,14 @@ def test_results_say_which_weights_and_method_they_are_of(tmp_path: Path) -> Non
         EvaluateConfig(str(weights), SEEN, "val", 0, 2).settings()
 
 
+def test_a_policy_without_a_part_is_another_evaluation() -> None:
+    whole = EvaluateConfig("default", SEEN, "val", 0, 2)
+    parts = ("fits_prints", "reads_sides")
+    settings = replace(whole, left_out=parts).settings()
+    assert settings == whole.settings() | {"left_out": list(parts)}
+    assert condition_words(settings) == ", without fits_prints and reads_sides"
+
+
 def test_several_tasks_make_a_folder_and_complete_ones_are_kept(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -118,6 +127,8 @@ def test_a_task_that_fails_does_not_end_the_others(
         (["--out", "/proc/none/results.json"], "cannot write --out /proc/none/results.json"),
         (["--out", "/"], "it is a folder"),
         (["--phrasings", "/nowhere.txt"], "cannot read --phrasings /nowhere.txt"),
+        (["--leave-out", "aligner"], "--leave-out leaves out parts of a policy's network, and expert has none"),
+        (["--checkpoint", "default", "--leave-out", "rotator"], "'rotator' is no part that can be left out: name some"),
         (["--task", f"{SEEN},stack-block-pyramids"], "unknown task 'stack-block-pyramids'"),
     ],
 )

@@ -40,6 +40,7 @@ VARIED = {"randomize": None, "mounting_error": None}
                 "synonyms": None,
                 "survey_colors": False,
                 "without_arm": False,
+                "leave_out": "",
                 **SETUP,
                 **VARIED,
             },

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from pathlib import Path
 from typing import NamedTuple
 
@@ -18,6 +19,7 @@ from cliport_core.heightmap import Heightmap
 from cliport_core.instruction import normalized_instruction
 from cliport_core.pose import PlanarPose
 from cliport_core.workspace import WorkspaceSpec
+from cliport_policy.ablation import leave_out
 from cliport_policy.card import Card, resolve_checkpoint
 from cliport_policy.checkpoint import ANCHORS, load_checkpoint
 from cliport_policy.errors import CheckpointError, InstructionError, ObservationError
@@ -270,20 +272,27 @@ class Policy:
         return np.asarray(up / max(float(up.sum()), 1e-12), np.float32)
 
 
-def load_policy(path_or_name: str | Path = "default", precision: str = "auto", compiled: bool = False) -> Policy:
+def load_policy(
+    path_or_name: str | Path = "default",
+    precision: str = "auto",
+    compiled: bool = False,
+    left_out: Collection[str] = (),
+) -> Policy:
     """Load a policy from a .safetensors file, a training folder, a shipped name or `default`.
 
     precision: as restore_network takes it. compiled: by torch.compile, which takes half a minute of the first action.
-    Raises CheckpointError where the file is missing, damaged or made for another encoder, and EncoderError where a
-    network's frozen encoders are not at hand.
+    left_out: parts of the network that it acts without, of ablation.PARTS.
+    Raises CheckpointError where the file is missing, damaged or made for another encoder, EncoderError where a
+    network's frozen encoders are not at hand, and ConfigError where the network has no such part.
     """
     path = resolve_checkpoint(path_or_name)
-    tensors, card = load_checkpoint(path)
+    stored, card = load_checkpoint(path)
     release_unused()  # what importing torch left, before more is added to it
     if card.encoder != ENCODER_NAME:
         raise CheckpointError(f"checkpoint {path} needs the text encoder {card.encoder!r}; here is {ENCODER_NAME!r}")
-    if ANCHORS not in tensors:
+    if ANCHORS not in stored:
         raise CheckpointError(f"checkpoint {path} lacks {ANCHORS}: train again")
+    tensors, card = leave_out(left_out, stored, card)
     network = restore_network(card.network, tensors, card.frozen, path, precision)
     fold_norms(network.eval())
     presence = load_presence(tensors, card, shared_encoder(), path)
