@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from torch import Tensor
 
 _ALIGNER = "aligner"
-PARTS = (_ALIGNER, "compares_colors", "fits_prints", "reads_kinds", "reads_shapes", "reads_sides")
+PARTS = (_ALIGNER, "compares_colors", "fits_prints", "reads_kinds", "reads_shapes", "reads_sides", "sweeps_things")
 
 
 def without_parts(network: AnyNetworkConfig, parts: Collection[str]) -> AnyNetworkConfig:

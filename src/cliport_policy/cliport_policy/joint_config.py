@@ -13,7 +13,10 @@ COLOR_WORDS = ("none", "strict", "open")
 COLOR_READING = ("tokens", "names")
 # what a trained network may change on its way
 REREAD = frozenset(
-    {"color_reading", "compares_colors", "gray_share", "reads_sides", "reads_shapes", "reads_kinds", "fits_prints"}
+    {
+        *("color_reading", "compares_colors", "gray_share"),
+        *("reads_sides", "reads_shapes", "reads_kinds", "fits_prints", "sweeps_things"),
+    }
 )
 
 
@@ -48,6 +51,8 @@ class JointConfig:
     fits_prints: True looks, where the likeliest places are flat, for a patch of one colour that has the outline of what
     is picked, and has it put down there, turned as the patch lies, instead of asking the aligner; by a rule. It changes
     nothing in training.
+    sweeps_things: True begins a sweep at the likeliest place from which it meets something that stands on the table, by
+    a rule; otherwise at the likeliest. It changes nothing in training.
     aligner: True scores the likeliest places and the rotations there on crops around both; otherwise the correlation
     decides alone, as in checkpoints whose cards do not say.
     """
@@ -72,6 +77,7 @@ class JointConfig:
     reads_shapes: bool = False
     reads_kinds: bool = False
     fits_prints: bool = False
+    sweeps_things: bool = False
     aligner: bool = False
 
     def __post_init__(self) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection
+from itertools import chain
 from pathlib import Path
 from typing import NamedTuple
 
@@ -39,6 +40,7 @@ from cliport_policy.places import Places
 from cliport_policy.presence.presence import Missing, Presence
 from cliport_policy.presence.stored import load_presence
 from cliport_policy.sides import Side, own_side_named, side_named
+from cliport_policy.sweeps import LEAST_SHARE, STARTS, meets_something
 from cliport_policy.turns import likeliest_turn
 
 _WARM_UP = "put the red blocks in the green bowl"
@@ -62,6 +64,14 @@ class Scores(NamedTuple):
     primitives: Tensor | None = None
     missing: Missing | None = None
     placed: float = 0.0
+
+
+class Begun(NamedTuple):
+    """Where to pick, and the logits of what follows: (1, k) yaws there, None without a rotator; (1, k, h, w) places."""
+
+    pick: Peak
+    yaws: Tensor | None
+    places: Tensor
 
 
 class Policy:
@@ -175,34 +185,48 @@ class Policy:
         scores = network.score_picks(image, aim)[0].float()
         picks, nulls = scores[: -network.n_null], scores[-network.n_null :]
         picks = led_picks(picks.reshape(self.grid.shape), leads).flatten()
-        pick = self.grid.peak(mass_of(picks).reshape(self.grid.shape))
-        pixel = torch.tensor([pick.pixel], dtype=torch.float32)
-        yaws, places = network.score_rotations(image, aim, pixel)
         primitives = network.score_primitives(image, aim)
         chosen = None if primitives is None else primitives[0].float()
-        is_placed = self._primitive(chosen) is Primitive.PICK_PLACE  # what is swept or folded fits nowhere
+        primitive = self._primitive(chosen)
+        pick, yaws, places = self._begin(image, aim, picks, primitive)
+        is_placed = primitive is Primitive.PICK_PLACE  # what is swept or folded fits nowhere
         printed = self._places.on_prints(image, pick, yaws, places, side) if is_placed else None
         if printed is not None:
             pick, yaws, places = printed
         elif side is not None:
             places = self._places.at_side(side, places)
         if network.has_aligner and is_placed and printed is None:
-            places = self._places.with_fits(image, aim, pixel, yaws, places)
+            places = self._places.with_fits(image, aim, _as_tensor(pick), yaws, places)
         return Scores(picks, nulls, None if yaws is None else yaws[0].float(), places[0].float(), pick, chosen)
+
+    def _begin(self, image: Tensor, aim: Goal, picks: Tensor, primitive: Primitive) -> Begun:
+        """Begin at the likeliest pick, but a sweep, by a rule, at the likeliest that meets something, if one does."""
+        mass = mass_of(picks).reshape(1, *self.grid.shape)
+        sweeps_things = primitive is Primitive.SWEEP and getattr(self.card.network, "sweeps_things", False)
+        starts = self.grid.peaks(mass, STARTS if sweeps_things else 1, LEAST_SHARE)
+        begun = (Begun(at, *self._network.score_rotations(image, aim, _as_tensor(at))) for at in starts)
+        likeliest = next(begun)
+        if not sweeps_things:
+            return likeliest
+        return next((one for one in chain([likeliest], begun) if self._meets_something(image, one)), likeliest)
+
+    def _meets_something(self, image: Tensor, begun: Begun) -> bool:
+        end, _ = self._place(begun.places[0].float())
+        return meets_something(image, begun.pick.pixel, end.pixel, self.workspace.pixel_size)
 
     def place_peak(self, scores: Scores) -> Peak:
         """Return the best place at its best rotation."""
-        return self._place(scores)[0]
+        return self._place(scores.places)[0]
 
-    def _place(self, scores: Scores) -> tuple[Peak, float]:
-        """Return the best place at its best rotation, and the turn there [rad]."""
-        mass = mass_of(scores.places)
+    def _place(self, places: Tensor) -> tuple[Peak, float]:
+        """Return the best place at its best rotation, of logits (k, h, w), and the turn there [rad]."""
+        mass = mass_of(places)
         peak = self.grid.peak(mass[best_rotation(mass)])
         return peak, likeliest_turn(mass[:, peak.near].sum(1))
 
     def _decide(self, scores: Scores, with_maps: bool) -> Explanation:
         """Choose the action. Temperatures change how sure the policy is, not what it does."""
-        pick, (place, turn) = scores.pick, self._place(scores)
+        pick, (place, turn) = scores.pick, self._place(scores.places)
         pick_mass = mass_of(scores.picks, self.card.temperature("pick")).reshape(self.grid.shape)
         place_mass = mass_of(scores.places, self.card.temperature("place"))
         yaws = None if scores.yaws is None else mass_of(scores.yaws)
@@ -270,6 +294,11 @@ class Policy:
             torch.from_numpy(cells)[None, None], self.workspace.shape, mode="bilinear", align_corners=False
         )[0, 0].numpy()
         return np.asarray(up / max(float(up.sum()), 1e-12), np.float32)
+
+
+def _as_tensor(peak: Peak) -> Tensor:
+    """Return a peak's pixel as networks take it: (1, 2) float32."""
+    return torch.tensor([peak.pixel], dtype=torch.float32)
 
 
 def load_policy(

@@ -22,7 +22,7 @@ def test_settings_that_nobody_gave() -> None:
         "transport_channels": 8, "query_cells": 31, "gate": True, "crop_pixels": 64, "n_rotations": 36,
         "color_words": "open", "color_reading": "tokens", "compares_colors": False, "gray_share": 0.4,
         "null_actions": 2, "chooses_primitive": True, "reads_sides": False, "reads_shapes": False, "reads_kinds": False,
-        "fits_prints": False, "aligner": False,
+        "fits_prints": False, "sweeps_things": False, "aligner": False,
     }  # fmt: skip
     net = {"spatial": "plain", "semantic": False, "language": "none", "laterals": False, "skips": True,
            "norm": "none", "fusion": "none", "goal_image": "none"}  # fmt: skip

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 SIDE = 40  # of a picture [pixels]
-_LEAST_HEIGHT = 0.008  # of what stands out from the table [m]
+LEAST_HEIGHT = 0.008  # of what stands out from the table [m]
 _LEAST, _MOST = 0.02, 0.11  # across a thing that may be one of the named shapes [m]
 
 
@@ -37,7 +37,7 @@ def standing(
     height: (rows, cols) [m]. valid: (rows, cols), where something was seen. pixel_size: of a cell [m]. most: across the
     largest that are meant [m].
     """
-    out = (height > _LEAST_HEIGHT) & valid
+    out = (height > LEAST_HEIGHT) & valid
     count, labels, stats, _ = cv2.connectedComponentsWithStats(out.astype(np.uint8), connectivity=4)
     found = []
     for label in range(1, count):
