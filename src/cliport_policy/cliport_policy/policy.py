@@ -67,7 +67,7 @@ class Scores(NamedTuple):
 
 
 class Begun(NamedTuple):
-    """Where to pick, and the logits of what follows: (1, k) yaws there, None without a rotator; (1, k, h, w) places."""
+    """Pick, and the logits of what follows: (1, k) of the yaws there, None without a rotator, (1, k, h, w) of places."""
 
     pick: Peak
     yaws: Tensor | None
