@@ -11,7 +11,6 @@ from cliport_policy.shapes.silhouettes import LEAST_HEIGHT
 STARTS = 5  # likely ones at most that are tried,
 LEAST_SHARE = 0.01  # and after the first only those that are as likely as this
 _BREADTH = 0.02  # of the way [m]: that of a closed hand
-_END = 0.03  # of the way: what lies there is hardly moved [m]
 _LEAST_AREA = 0.5e-4  # of what is met [m^2]: half of a block of a pile
 
 
@@ -27,5 +26,5 @@ def meets_something(image: Tensor, start: tuple[int, int], end: tuple[int, int],
     if length == 0.0:
         return False
     along, across = standing @ way / length, standing @ (-way[1], way[0]) / length
-    met = (along > 0.0) & (along < length - _END / pixel_size) & (abs(across) < _BREADTH / 2 / pixel_size)
+    met = (along > 0.0) & (along < length) & (abs(across) < _BREADTH / 2 / pixel_size)
     return bool(met.sum() * pixel_size**2 >= _LEAST_AREA)

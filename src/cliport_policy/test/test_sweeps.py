@@ -36,7 +36,6 @@ def _scene(*blocks: tuple[int, int], side: int = 4) -> Heightmap:
         ((150, 83), False),  # its near edge is 7.5 mm aside: less than half of it is met
         ((150, 88), False),  # beside the way
         ((90, 78), False),  # behind the start
-        ((242, 78), False),  # just before the end, where it would hardly be moved
         ((258, 78), False),  # beyond the end
     ],
 )
