@@ -51,8 +51,8 @@ class JointConfig:
     fits_prints: True looks, where the likeliest places are flat, for a patch of one colour that has the outline of what
     is picked, and has it put down there, turned as the patch lies, instead of asking the aligner; by a rule. It changes
     nothing in training.
-    sweeps_things: True begins a sweep at the likeliest place from which it meets something that stands on the table, by
-    a rule; otherwise at the likeliest. It changes nothing in training.
+    sweeps_things: True begins a sweep on whose way nothing stands at the next likely place from where something does,
+    by a rule. It changes nothing in training.
     aligner: True scores the likeliest places and the rotations there on crops around both; otherwise the correlation
     decides alone, as in checkpoints whose cards do not say.
     """

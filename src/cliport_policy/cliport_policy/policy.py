@@ -67,7 +67,7 @@ class Scores(NamedTuple):
 
 
 class Begun(NamedTuple):
-    """Pick, and the logits of what follows: (1, k) of the yaws there, None without a rotator, (1, k, h, w) of places."""
+    """Pick, and logits of what follows: (1, k) of the yaws there, None without a rotator; (1, k, h, w) of places."""
 
     pick: Peak
     yaws: Tensor | None
@@ -200,7 +200,7 @@ class Policy:
         return Scores(picks, nulls, None if yaws is None else yaws[0].float(), places[0].float(), pick, chosen)
 
     def _begin(self, image: Tensor, aim: Goal, picks: Tensor, primitive: Primitive) -> Begun:
-        """Begin at the likeliest pick, but a sweep, by a rule, at the likeliest that meets something, if one does."""
+        """Begin at the likeliest pick; a sweep, by a rule, at the likeliest that meets something, if one does."""
         mass = mass_of(picks).reshape(1, *self.grid.shape)
         sweeps_things = primitive is Primitive.SWEEP and getattr(self.card.network, "sweeps_things", False)
         starts = self.grid.peaks(mass, STARTS if sweeps_things else 1, LEAST_SHARE)

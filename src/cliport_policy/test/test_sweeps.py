@@ -33,7 +33,7 @@ def _scene(*blocks: tuple[int, int], side: int = 4) -> Heightmap:
     ("block", "met"),
     [
         ((150, 78), True),
-        ((150, 83), False),  # its near edge is 7.5 mm aside: less than half of it is met
+        ((150, 84), False),  # its near edge is 1 cm aside: less than half of it is near
         ((150, 88), False),  # beside the way
         ((90, 78), False),  # behind the start
         ((258, 78), False),  # beyond the end
@@ -51,7 +51,8 @@ def test_specks_and_what_lies_flat_are_nothing() -> None:
     flat = _scene((150, 78))
     low = replace(flat, height=flat.height * 0.5)
     assert not meets_something(observation_tensor(low), BEHIND, END, SPEC.pixel_size)
-    assert not meets_something(observation_tensor(_scene(BEHIND)), BEHIND, BEHIND, SPEC.pixel_size)
+    assert meets_something(observation_tensor(_scene(BEHIND)), BEHIND, BEHIND, SPEC.pixel_size), "a way of no length"
+    assert not meets_something(observation_tensor(_scene(END)), BEHIND, BEHIND, SPEC.pixel_size)
 
 
 def _sure_of(policy: Policy, monkeypatch: pytest.MonkeyPatch, picks: dict[tuple[int, int], float]) -> None:
