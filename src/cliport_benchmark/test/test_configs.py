@@ -84,8 +84,10 @@ def test_agents_by_name(monkeypatch: pytest.MonkeyPatch) -> None:
     assert isinstance(load_agent("expert"), ExpertAgent) and isinstance(load_agent("blind"), BlindAgent)
     inference = SimpleNamespace(action="action", done_probability=0.25)
     policy = SimpleNamespace(infer=lambda seen, said: inference if (seen, said) == ("seen", "said") else None)
-    monkeypatch.setattr("cliport_policy.policy.load_policy", lambda name: policy)
-    agent = load_agent("mine")
+    monkeypatch.setattr(
+        "cliport_policy.policy.load_policy", lambda name, left_out: policy if left_out == ("aligner",) else None
+    )
+    agent = load_agent("mine", ("aligner",))
     assert isinstance(agent, PolicyAgent) and agent.decide(None, "seen", "said") == ("action", 0.25)  # type: ignore[arg-type, comparison-overlap]
     task = SimpleNamespace(expert_action=lambda: "the expert's")
     assert ExpertAgent().decide(task, None, "") == ("the expert's", None)  # type: ignore[arg-type, comparison-overlap]
