@@ -96,7 +96,7 @@ def _config(options: argparse.Namespace, task: str) -> EvaluateConfig:
         variation_of(options),
         options.survey_colors,
         options.without_arm,
-        tuple(part for part in options.leave_out.split(",") if part),
+        tuple(sorted({part.strip() for part in options.leave_out.split(",")} - {""})),
     )
 
 

@@ -79,6 +79,21 @@ def test_a_policy_without_a_part_is_another_evaluation() -> None:
     assert condition_words(settings) == ", without fits_prints and reads_sides"
 
 
+def test_parts_are_named_in_any_order() -> None:
+    given = [
+        "--checkpoint",
+        "default",
+        "--task",
+        SEEN,
+        "--out",
+        "r.json",
+        "--leave-out",
+        "reads_sides, aligner,aligner",
+    ]
+    config = evaluate_cli._config(evaluate_cli._parser().parse_args(given), SEEN)
+    assert config.left_out == ("aligner", "reads_sides")
+
+
 def test_several_tasks_make_a_folder_and_complete_ones_are_kept(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

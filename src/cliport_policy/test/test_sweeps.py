@@ -46,6 +46,12 @@ def test_something_is_met_on_the_way(block: tuple[int, int], met: bool) -> None:
     assert meets_something(turned, BEHIND[::-1], END[::-1], SPEC.pixel_size) == met
 
 
+@pytest.mark.parametrize("block", [(97, 78), (100, 78), (106, 78)])
+def test_a_short_sweep_meets_what_it_pushes_at_its_start_or_end(block: tuple[int, int]) -> None:
+    """The last blocks of a pile are pushed a centimetre: begun elsewhere, a sweep takes others out of the square."""
+    assert meets_something(observation_tensor(_scene(block)), BEHIND, (104, 80), SPEC.pixel_size)
+
+
 def test_specks_and_what_lies_flat_are_nothing() -> None:
     assert not meets_something(observation_tensor(_scene((150, 78), side=2)), BEHIND, END, SPEC.pixel_size)
     flat = _scene((150, 78))
