@@ -11,7 +11,6 @@ import shlex
 import sys
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +24,7 @@ from cliport_policy.language import shared_encoder
 from cliport_policy.overlays import save_png
 from cliport_policy.training.agreement import agreement
 from cliport_policy.training.allocator import keep_freed_memory
+from cliport_policy.training.curves import save_curves
 from cliport_policy.training.distributed import Group, join_group
 from cliport_policy.training.log import EventLog, ProgressLine, affordance_picture
 from cliport_policy.training.options import TrainOptions, parse_options
@@ -74,13 +74,9 @@ def _train(options: TrainOptions, group: Group, argv: Sequence[str] | None) -> N
         return
     print(f"{len(trainer.data)} demonstrations to draw from; step {trainer.step} of {options.train.steps}", flush=True)
     started = time.monotonic()
-    _run_and_show(trainer, options, stopped, held_out or trainer.data)
+    _run_and_show(trainer, options, stopped, held_out)
     minutes = (time.monotonic() - started) / 60
     print(f"step {trainer.step} of {options.train.steps} after {minutes:.1f} min: {options.out}/policy.safetensors")
-    if held_out and trainer.step >= options.train.steps:
-        chosen = np.random.default_rng(0).permutation(len(held_out))[:N_AGREEMENT]
-        found = asdict(agreement(trainer.average, held_out, chosen.tolist()))
-        print("agreement with --val: " + ", ".join(f"{name} {value:.3g}" for name, value in found.items()))
 
 
 def _source(entry: SourceEntry, options: TrainOptions, cache_bytes: int) -> Source:
@@ -89,10 +85,11 @@ def _source(entry: SourceEntry, options: TrainOptions, cache_bytes: int) -> Sour
     return Source(kept, entry.weight, entry.settings)
 
 
-def _run_and_show(trainer: Trainer, options: TrainOptions, stopped: list[int], shown: Mixture) -> None:
-    """Train with a progress line, TensorBoard's files in OUT/events, and a sheet of samples in OUT/samples.png."""
+def _run_and_show(trainer: Trainer, options: TrainOptions, stopped: list[int], held_out: Mixture | None) -> None:
+    """Train with a progress line, TensorBoard's files in OUT/events, and pictures: OUT/samples.png, OUT/curves.png."""
     line, events = ProgressLine(sys.stderr), EventLog(options.out / "events", trainer.step)
     _show_samples(trainer, options.out / "samples.png", events)
+    shown = held_out or trainer.data
     sample = next((shown[i] for i in range(len(shown)) if not shown[i].demo.done), shown[0])
 
     def show(progress: Progress) -> None:
@@ -104,11 +101,35 @@ def _run_and_show(trainer: Trainer, options: TrainOptions, stopped: list[int], s
             events.picture("affordance", affordance_picture(trainer.policy(), sample), trainer.step)
         except InstructionError as error:  # the sentences of --val may be unlike those of --data
             logger.warning("no picture: %s", error)
+        _show_curves(trainer, options.out / "curves.png", events)
+
+    def compare() -> None:
+        if held_out is not None:
+            _compare(trainer, held_out, events)
 
     try:
-        _run(trainer, options, stopped, show, picture)
+        _run(trainer, options, stopped, show, picture, compare)
+        if trainer.step >= options.train.steps and trainer.step not in options.keep_steps:
+            compare()
+            _show_curves(trainer, options.out / "curves.png", events)
     finally:
         events.close()
+
+
+def _compare(trainer: Trainer, held_out: Mixture, events: EventLog) -> None:
+    chosen = np.random.default_rng(0).permutation(len(held_out))[:N_AGREEMENT]
+    found = agreement(trainer.average, held_out, chosen.tolist())
+    events.agreement(found, trainer.step)
+    shares = ", ".join(f"{name} {share:.3g}" for name, share in found.shares().items())
+    print(f"step {trainer.step}: agreement with --val: {shares}, n {found.n}", flush=True)
+
+
+def _show_curves(trainer: Trainer, path: Path, events: EventLog) -> None:
+    events.flush()
+    try:
+        save_curves(events.folder, trainer.config.batch_size, path)
+    except OSError as error:
+        raise TrainingError(f"can't write {path} ({error.strerror or error}): give another --out") from error
 
 
 def _show_samples(trainer: Trainer, path: Path, events: EventLog) -> None:
@@ -126,8 +147,10 @@ def _run(
     stopped: list[int],
     on_step: Callable[[Progress], None] = lambda _: None,
     on_save: Callable[[], None] = lambda: None,
+    on_keep: Callable[[], None] = lambda: None,
 ) -> None:
-    trainer.run(on_step, options.save_minutes, options.max_minutes, lambda: bool(stopped), options.keep_steps, on_save)
+    limits = options.save_minutes, options.max_minutes, lambda: bool(stopped), options.keep_steps
+    trainer.run(on_step, *limits, on_save, on_keep)
 
 
 if __name__ == "__main__":

@@ -38,15 +38,16 @@ def test_a_training_writes_policies_curves_and_pictures(
     written = {str(path.relative_to(out)) for path in out.rglob("*.*") if "events" not in str(path)}
     assert written == {
         *("policy.safetensors", "policy.json", "training_state.safetensors", "training_config.json", "samples.png"),
-        *("checkpoints/step-0000002.safetensors", "checkpoints/step-0000002.json"),
+        *("curves.png", "checkpoints/step-0000002.safetensors", "checkpoints/step-0000002.json"),
     }
     events = EventAccumulator(str(out / "events")).Reload()
     assert {"loss/locator", "loss/transport", "learning_rate", "samples_per_s"} <= set(events.Tags()["scalars"])
     assert [event.step for event in events.Images("affordance")] == [4]
     assert [event.step for event in events.Images("samples")] == [0]
+    assert [event.step for event in events.Scalars("agreement/place")] == [2, 4]  # at kept steps, and at the end
     shown = capsys.readouterr()
     assert "4/4" in shown.err and "samples/s" in shown.err and "min left" in shown.err
-    assert "agreement with --val" in shown.out
+    assert shown.out.count("agreement with --val") == 2
     assert main([*TINY, "--steps", "4", "--n-demos", "2", *arguments]) == 0  # nothing left to do
     assert "step 4 of 4" in capsys.readouterr().out
 
@@ -96,6 +97,7 @@ def test_two_processes_are_as_one(make_flat_set: Callable[..., Path], tmp_path: 
         (["--data", "{data}", "--val", "{other}"], "other workspaces (pixel_size"),
         (["--data", "{data}", "--config", "image_goal"], "no observation of a finished scene"),
         (["--data", "{data}", "--out", "{data}/meta.json"], "can't write"),
+        (["--data", "{data}", "--out", "{taken}"], "can't write {taken}/curves.png"),
     ],
 )
 def test_bad_input_is_one_line(
@@ -109,10 +111,12 @@ def test_bad_input_is_one_line(
         "data": make_flat_set(tmp_path / "data", 2, pixel_size=SMALL),
         "other": make_flat_set(tmp_path / "other", 1, pixel_size=2 * SMALL),
     }
+    folders["taken"] = tmp_path / "taken"
+    (folders["taken"] / "curves.png").mkdir(parents=True)
     given = [argument.format(**folders) for argument in arguments]
     assert main(["--out", str(tmp_path / "out"), "--steps", "1", "--phrases", "0", *given]) == 1
     error = [line for line in capsys.readouterr().err.splitlines() if line.startswith("error: ")]
-    assert len(error) == 1 and message in error[0]
+    assert len(error) == 1 and message.format(**folders) in error[0]
 
 
 def test_a_gpu_that_is_not_here_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:

@@ -73,6 +73,10 @@ def test_what_is_saved_when(clock: Clock, limits: dict[str, Any], saved: list[An
     quick, told = Quick(clock), []
     quick.run(lambda _: None, **limits, on_save=lambda: told.append(quick.step))
     assert quick.saved == saved and told == [each for each in saved if isinstance(each, int)]
+    kept: list[int] = []
+    quick = Quick(clock)
+    quick.run(lambda _: None, **limits, on_keep=lambda: kept.append(quick.step))
+    assert kept == sorted(limits.get("keep_steps", ()))
     assert quick.workers == 0  # the training itself uses all cores of a CPU
 
 

@@ -31,6 +31,10 @@ class Agreement:
     done: float
     n: int
 
+    def shares(self) -> dict[str, float]:
+        """Return the shares by name."""
+        return {"pick": self.pick, "yaw": self.yaw, "place": self.place, "done": self.done}
+
 
 @torch.inference_mode()
 def agreement(network: PolicyNetwork, data: Mixture, indices: Iterable[int]) -> Agreement:

@@ -16,6 +16,8 @@ from cliport_policy.data.mixture import Drawn
 from cliport_policy.errors import TrainingError
 from cliport_policy.overlays import render_overlay
 from cliport_policy.policy import Policy
+from cliport_policy.training.agreement import Agreement
+from cliport_policy.training.curves import AGREEMENT, LOSS
 from cliport_policy.training.trainer import Progress
 
 _SMOOTHING = 0.98
@@ -65,6 +67,7 @@ class EventLog:
     """Writer of TensorBoard's event files; steps at or after first_step that were logged before are discarded."""
 
     def __init__(self, folder: Path, first_step: int) -> None:
+        self.folder = folder
         try:
             self._writer = SummaryWriter(str(folder), purge_step=first_step)
         except OSError as error:
@@ -75,9 +78,18 @@ class EventLog:
         if progress.step % _SCALAR_STEPS and progress.step != progress.steps:
             return
         for name, value in progress.losses.items():
-            self._writer.add_scalar(f"loss/{name}", value, progress.step)
+            self._writer.add_scalar(f"{LOSS}{name}", value, progress.step)
         self._writer.add_scalar("learning_rate", progress.learning_rate, progress.step)
         self._writer.add_scalar("samples_per_s", progress.samples_per_s, progress.step)
+
+    def agreement(self, found: Agreement, step: int) -> None:
+        """Log a network's agreement with held-out demonstrations."""
+        for name, share in found.shares().items():
+            self._writer.add_scalar(f"{AGREEMENT}{name}", share, step)
+
+    def flush(self) -> None:
+        """Write out what was logged."""
+        self._writer.flush()
 
     def picture(self, name: str, picture: NDArray[np.uint8], step: int) -> None:
         """Log a picture, (H, W, 3) RGB."""

@@ -102,7 +102,11 @@ def _parser() -> argparse.ArgumentParser:
         help=f"{', '.join(mixture_names())} or a YAML file that lists data sets in the one folder --data",
     )
     add("--n-demos", type=int, metavar="N", help="only the first N episodes of each task of each data set")
-    add("--val", metavar="DIR", help="held-out data set to measure agreement on and to picture")
+    add(
+        "--val",
+        metavar="DIR",
+        help="held-out data set to picture, and to measure agreement on: at each kept step and at the end",
+    )
     add("--out", required=True, metavar="DIR", help="training folder")
     add(
         "--optimizer",

@@ -113,11 +113,12 @@ class Trainer:
         should_stop: Callable[[], bool] = lambda: False,
         keep_steps: Collection[int] = (),
         on_save: Callable[[], None] = lambda: None,
+        on_keep: Callable[[], None] = lambda: None,
     ) -> None:
         """Train until the last step, max_minutes or should_stop; save every save_minutes and at the end.
 
         keep_steps: steps after which a policy is kept for good, as checkpoints/step-NNNNNNN.safetensors.
-        on_step and on_save are called in the group's first process only. After an error the last save stays.
+        on_step, on_save and on_keep are called in the group's first process only. After an error the last save stays.
 
         Raises:
             TrainingError: if the loss is no number, or a process that makes batches is gone.
@@ -139,6 +140,7 @@ class Trainer:
                 on_step(self._progress(losses, (self.step - first) / (time.monotonic() - started)))
                 if self.step in keep_steps:
                     self.save_policy(self.folder / "checkpoints" / f"step-{self.step:07d}.safetensors")
+                    on_keep()
                 if time.monotonic() - saved > 60 * save_minutes:
                     self._save_and_tell(on_save)
                     saved = time.monotonic()
