@@ -109,7 +109,7 @@ def _run_and_show(trainer: Trainer, options: TrainOptions, stopped: list[int], h
 
     try:
         _run(trainer, options, stopped, show, picture, compare)
-        if trainer.step >= options.train.steps and trainer.step not in options.keep_steps:
+        if trainer.step >= options.train.steps and not events.is_compared(trainer.step):
             compare()
             _show_curves(trainer, options.out / "curves.png", events)
     finally:
@@ -125,9 +125,8 @@ def _compare(trainer: Trainer, held_out: Mixture, events: EventLog) -> None:
 
 
 def _show_curves(trainer: Trainer, path: Path, events: EventLog) -> None:
-    events.flush()
     try:
-        save_curves(events.folder, trainer.config.batch_size, path)
+        save_curves(events.curves, trainer.config.batch_size, path)
     except OSError as error:
         raise TrainingError(f"can't write {path} ({error.strerror or error}): give another --out") from error
 

@@ -16,6 +16,7 @@ from cliport_policy.data.mixture import SourceSettings
 from cliport_policy.data.mixture_file import SourceEntry
 from cliport_policy.errors import ConfigError
 from cliport_policy.train import main
+from cliport_policy.training.curves import read_curves
 from cliport_policy.training.log import ProgressLine
 from cliport_policy.training.options import parse_options
 from cliport_policy.training.trainer import Progress
@@ -49,7 +50,11 @@ def test_a_training_writes_policies_curves_and_pictures(
     assert "4/4" in shown.err and "samples/s" in shown.err and "min left" in shown.err
     assert shown.out.count("agreement with --val") == 2
     assert main([*TINY, "--steps", "4", "--n-demos", "2", *arguments]) == 0  # nothing left to do
-    assert "step 4 of 4" in capsys.readouterr().out
+    again = capsys.readouterr().out
+    assert "step 4 of 4" in again and "agreement" not in again  # which was measured at this step
+    curves = read_curves(out / "events", last=4)
+    assert [point.step for point in curves["loss/locator"]] == [4]
+    assert [point.step for point in curves["agreement/place"]] == [2, 4]
 
 
 def test_two_processes_are_as_one(make_flat_set: Callable[..., Path], tmp_path: Path) -> None:

@@ -3,43 +3,55 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
-Curve = tuple[NDArray[np.int64], NDArray[np.float64]]  # steps and values (N,)
 LOSS, AGREEMENT = "loss/", "agreement/"  # what the names of curves begin with
 _LEAST_SHOWN = 0.01  # loss
 _SMOOTHED = 0.05  # share of a training that a point of a smooth curve is the mean of
 
 
-def read_curves(events: Path) -> dict[str, Curve]:
-    """Return the curves in TensorBoard's files of a training, by name; losses that are always 0 are left out."""
+class Point(NamedTuple):
+    """Value after a step."""
+
+    step: int
+    value: float
+
+
+Curves = dict[str, list[Point]]  # by name, in the order of their steps
+
+
+def read_curves(events: Path, last: int) -> Curves:
+    """Return the points in TensorBoard's files of a training, up to those of a last step."""
     log = EventAccumulator(str(events), size_guidance={"scalars": 0, "images": 1}).Reload()
-    found = {name: log.Scalars(name) for name in log.Tags()["scalars"]}
-    curves = {
-        name: (np.array([point.step for point in points]), np.array([point.value for point in points]))
-        for name, points in found.items()
-    }
-    return {name: curve for name, curve in curves.items() if curve[1].any() or not name.startswith(LOSS)}
+    curves: Curves = {}
+    for name in log.Tags()["scalars"]:
+        points = [Point(point.step, point.value) for point in log.Scalars(name) if point.step <= last]
+        if points:
+            curves[name] = points
+    return curves
 
 
-def save_curves(events: Path, batch_size: int, path: Path) -> None:
+def save_curves(curves: Curves, batch_size: int, path: Path) -> None:
     """Draw a training's losses, and its agreement where that was measured, over the samples it has seen.
+
+    Losses that are always 0 are left out, those of networks that it lacks.
 
     Raises:
         OSError: if the picture can't be written.
     """
     from matplotlib.figure import Figure  # no pyplot: no display, no state
 
-    curves = read_curves(events)
     agrees = any(name.startswith(AGREEMENT) for name in curves)
     figure = Figure(figsize=(10 if agrees else 5, 3.8), layout="constrained")
     panels = figure.subplots(1, 2 if agrees else 1, squeeze=False)[0]
     panels[0].set(ylabel="loss")
-    for name, (steps, values) in curves.items():
-        if name.startswith(LOSS):
+    for name, points in curves.items():
+        steps, values = (np.array(each) for each in zip(*points, strict=True))
+        if name.startswith(LOSS) and values.any():
             panels[0].plot(batch_size * steps, smooth(values), label=name.removeprefix(LOSS))
         elif name.startswith(AGREEMENT):
             panels[1].plot(batch_size * steps, 100 * values, "o-", label=name.removeprefix(AGREEMENT))

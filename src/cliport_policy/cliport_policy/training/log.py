@@ -17,7 +17,7 @@ from cliport_policy.errors import TrainingError
 from cliport_policy.overlays import render_overlay
 from cliport_policy.policy import Policy
 from cliport_policy.training.agreement import Agreement
-from cliport_policy.training.curves import AGREEMENT, LOSS
+from cliport_policy.training.curves import AGREEMENT, LOSS, Curves, Point, read_curves
 from cliport_policy.training.trainer import Progress
 
 _SMOOTHING = 0.98
@@ -64,12 +64,16 @@ class ProgressLine:
 
 
 class EventLog:
-    """Writer of TensorBoard's event files; steps at or after first_step that were logged before are discarded."""
+    """Writer of TensorBoard's event files.
 
-    def __init__(self, folder: Path, first_step: int) -> None:
-        self.folder = folder
+    curves: all that was logged, also before this start.
+    """
+
+    def __init__(self, folder: Path, step: int) -> None:
+        """Begin to log, or go on after a step; what was logged of later steps is discarded."""
+        self.curves: Curves = read_curves(folder, step) if step else {}
         try:
-            self._writer = SummaryWriter(str(folder), purge_step=first_step)
+            self._writer = SummaryWriter(str(folder), purge_step=step + 1)
         except OSError as error:
             raise TrainingError(f"can't write to {folder} ({error}): give another --out") from error
 
@@ -78,18 +82,22 @@ class EventLog:
         if progress.step % _SCALAR_STEPS and progress.step != progress.steps:
             return
         for name, value in progress.losses.items():
-            self._writer.add_scalar(f"{LOSS}{name}", value, progress.step)
-        self._writer.add_scalar("learning_rate", progress.learning_rate, progress.step)
-        self._writer.add_scalar("samples_per_s", progress.samples_per_s, progress.step)
+            self._add(f"{LOSS}{name}", progress.step, value)
+        self._add("learning_rate", progress.step, progress.learning_rate)
+        self._add("samples_per_s", progress.step, progress.samples_per_s)
 
     def agreement(self, found: Agreement, step: int) -> None:
         """Log a network's agreement with held-out demonstrations."""
         for name, share in found.shares().items():
-            self._writer.add_scalar(f"{AGREEMENT}{name}", share, step)
+            self._add(f"{AGREEMENT}{name}", step, share)
 
-    def flush(self) -> None:
-        """Write out what was logged."""
-        self._writer.flush()
+    def is_compared(self, step: int) -> bool:
+        """Return True if agreement was measured after a step."""
+        return any(name.startswith(AGREEMENT) and points[-1].step == step for name, points in self.curves.items())
+
+    def _add(self, name: str, step: int, value: float) -> None:
+        self._writer.add_scalar(name, value, step)
+        self.curves.setdefault(name, []).append(Point(step, value))
 
     def picture(self, name: str, picture: NDArray[np.uint8], step: int) -> None:
         """Log a picture, (H, W, 3) RGB."""
