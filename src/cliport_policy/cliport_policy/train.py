@@ -39,6 +39,7 @@ N_AGREEMENT = 300  # demonstrations that agreement is measured on
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command; return the exit status."""
     logging.basicConfig(level=logging.INFO, format="%(message)s", stream=sys.stderr)
+    logging.getLogger("tensorboard").setLevel(logging.WARNING)  # it tells of each file that it reads
     try:
         options = parse_options(argv)
         group = join_group(options.device)

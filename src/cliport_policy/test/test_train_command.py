@@ -1,5 +1,6 @@
 """The command line of training: what it writes and shows, how it fails, and several processes that are as one."""
 
+import logging
 import os
 import subprocess
 import sys
@@ -30,8 +31,12 @@ pytestmark = pytest.mark.usefixtures("one_thread")
 
 
 def test_a_training_writes_policies_curves_and_pictures(
-    make_flat_set: Callable[..., Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    make_flat_set: Callable[..., Path],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    caplog: pytest.LogCaptureFixture,
 ) -> None:
+    caplog.set_level(logging.INFO)
     data, val = (make_flat_set(tmp_path / name, 3, actions=2, pixel_size=SMALL, seed=i) for i, name in enumerate("ab"))
     out = tmp_path / "out"
     arguments = ["--data", f"{data}:2", "--data", str(val), "--val", str(val), "--out", str(out), "--keep-steps", "2"]
@@ -52,6 +57,7 @@ def test_a_training_writes_policies_curves_and_pictures(
     assert main([*TINY, "--steps", "4", "--n-demos", "2", *arguments]) == 0  # nothing left to do
     again = capsys.readouterr().out
     assert "step 4 of 4" in again and "agreement" not in again  # which was measured at this step
+    assert not [record for record in caplog.records if record.name == "tensorboard"]  # of its files
     curves = read_curves(out / "events", last=4)
     assert [point.step for point in curves["loss/locator"]] == [4]
     assert [point.step for point in curves["agreement/place"]] == [2, 4]
