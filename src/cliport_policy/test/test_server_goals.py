@@ -9,6 +9,7 @@ from cliport_core.outcome import Outcome
 from cliport_core.policy_state import PolicyState
 from cliport_policy.errors import ConfigError
 from cliport_policy.server.types import ServerConfig
+from cliport_policy.server.wording import absent_words
 
 
 @pytest.mark.parametrize(("look_back", "state"), [(0.0, PolicyState.OBSERVING), (1.0, PolicyState.PROPOSING)])
@@ -144,6 +145,31 @@ def test_what_is_not_there_is_not_taken_for_done() -> None:
     world.see()
     world.think(absent=0.9, missing="purple block")
     assert world.state == PolicyState.FAILED and world.message == "no purple block is to be seen"
+
+
+@pytest.mark.parametrize(
+    ("instruction", "missing"),
+    [
+        ("Put it on the STAND.", "stand"),
+        ("empty all the boxes", "box"),
+        ("empty the bowls", "red or blue bowl"),
+        ("put it in the red dish", "red or blue bowl"),  # named by its colour
+    ],
+)
+def test_what_is_named_and_not_there_is_said(instruction: str, missing: str) -> None:
+    assert absent_words(instruction, missing) == f"no {missing} is to be seen"
+
+
+@pytest.mark.parametrize(
+    ("instruction", "missing", "thing"),
+    [
+        ("pick up the gray block", "stand", "a stand"),
+        ("clean up this or that", "orange or blue bowl", "an orange or blue bowl"),
+    ],
+)
+def test_what_the_policy_guessed_is_called_a_guess(instruction: str, missing: str, thing: str) -> None:
+    guess = f"'{instruction}' was taken to name {thing}, and none is to be seen: say what to pick and where to put it"
+    assert absent_words(instruction, missing) == guess
 
 
 @pytest.mark.parametrize("text", ["stop", "Halt!", "cancel, please", "STOP NOW", "please stop it.", "stop the arm"])

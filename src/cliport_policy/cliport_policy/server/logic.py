@@ -23,6 +23,7 @@ from cliport_policy.server.wording import (
     NOT_RESUMED,
     NOT_TOLD,
     STOPPED,
+    absent_words,
     ended_words,
     excerpt,
     one_line,
@@ -180,8 +181,7 @@ class PolicyServer:
             done = f"the goal looks reached after {step} steps" if step else "the goal looks reached already"
             self._enter(PolicyState.DONE, done)
         elif nothing is NullAction.ABSENT:
-            missing, named = inference.missing, f"what '{self._status.instruction}' names"
-            self._fail(f"no {missing} is to be seen" if missing else f"{named} is not to be seen")
+            self._fail(absent_words(self._status.instruction, inference.missing))
         elif step >= config.max_steps:
             self._fail(f"step limit of {config.max_steps} reached")
         elif inference.confidence < config.min_confidence:

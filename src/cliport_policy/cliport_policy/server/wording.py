@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 from cliport_core import topics
 from cliport_policy.server.types import Answer
 
@@ -42,9 +44,28 @@ def unseen_words(seconds: float, complaint: str) -> str:
     return f"no fresh heightmap for {seconds:.1f} s: {why}"
 
 
+def absent_words(instruction: str, missing: str) -> str:
+    """Return that what an instruction names is not there. missing: what that is, such as "purple bowl", maybe empty.
+
+    Where the instruction has no word of it, as "pick up the gray block" names no place, the policy guessed it.
+    """
+    if not missing:
+        return f"what '{instruction}' names is not to be seen"
+    if (set(missing.lower().split()) - {"or"}) & set(_plain_words(instruction)):
+        return f"no {missing} is to be seen"
+    thing = f"{'an' if missing[0] in 'aeiou' else 'a'} {missing}"
+    return f"'{instruction}' was taken to name {thing}, and none is to be seen: say what to pick and where to put it"
+
+
 def excerpt(text: str) -> str:
     """Return the beginning of a text on one line."""
     return one_line(text[:_SHOWN]) + "..." if len(text) > _SHOWN else one_line(text)
+
+
+def _plain_words(text: str) -> list[str]:
+    """Return the words of a text, each also without the ending of a plural."""
+    words = re.findall(r"\w+", text.lower())
+    return [*words, *(word.removesuffix("s") for word in words), *(word.removesuffix("es") for word in words)]
 
 
 def one_line(text: str) -> str:
