@@ -35,6 +35,11 @@ def test_a_resumed_training_has_one_curve(tmp_path: Path) -> None:
         assert shares == {f"agreement/{name}": [(30, share)] for name, share in expected.items()}
 
 
+def test_a_training_resumes_without_its_events(tmp_path: Path) -> None:
+    curves = _log(tmp_path / "deleted", 20, range(21, 31))
+    assert [point.step for point in curves["loss/locator"]] == [30]
+
+
 def test_the_picture_is_over_samples(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     drawn: dict[str, tuple[list[float], list[float]]] = {}
 

@@ -25,7 +25,9 @@ Curves = dict[str, list[Point]]  # by name, in the order of their steps
 
 
 def read_curves(events: Path, last: int) -> Curves:
-    """Return the points in TensorBoard's files of a training, up to those of a last step."""
+    """Return the points in TensorBoard's files of a training, up to those of a last step; none where they are gone."""
+    if not events.is_dir():
+        return {}
     log = EventAccumulator(str(events), size_guidance={"scalars": 0, "images": 1}).Reload()
     curves: Curves = {}
     for name in log.Tags()["scalars"]:
