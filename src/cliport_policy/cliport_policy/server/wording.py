@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import re
-
 from cliport_core import topics
+from cliport_policy.presence.kinds import is_called
 from cliport_policy.server.types import Answer
 
 STOPPED = f"stopped: call {topics.RESUME} to go on"
@@ -51,7 +50,7 @@ def absent_words(instruction: str, missing: str) -> str:
     """
     if not missing:
         return f"what '{instruction}' names is not to be seen"
-    if (set(missing.lower().split()) - {"or"}) & set(_plain_words(instruction)):
+    if any(is_called(word, instruction) for word in missing.lower().split() if word != "or"):
         return f"no {missing} is to be seen"
     thing = f"{'an' if missing[0] in 'aeiou' else 'a'} {missing}"
     return f"'{instruction}' was taken to name {thing}, and none is to be seen: say what to pick and where to put it"
@@ -60,12 +59,6 @@ def absent_words(instruction: str, missing: str) -> str:
 def excerpt(text: str) -> str:
     """Return the beginning of a text on one line."""
     return one_line(text[:_SHOWN]) + "..." if len(text) > _SHOWN else one_line(text)
-
-
-def _plain_words(text: str) -> list[str]:
-    """Return the words of a text, each also without the ending of a plural."""
-    words = re.findall(r"\w+", text.lower())
-    return [*words, *(word.removesuffix("s") for word in words), *(word.removesuffix("es") for word in words)]
 
 
 def one_line(text: str) -> str:
